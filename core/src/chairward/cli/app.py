@@ -1,0 +1,28 @@
+"""The root of the command line; plugins add their own commands through the `chairward_commands` hook."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from chairward.plugins import discover
+
+app = typer.Typer(
+    name="chairward",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Drive a powered wheelchair by your own words, while sensors keep it from hitting things. "
+    "Not a certified medical device: its stop is a protective stop.",
+)
+
+
+def main() -> None:
+    """Entry point of the `chairward` command."""
+    registry = discover()
+    for refusal in registry.refused:
+        typer.echo(f"chairward: plugin '{refusal.plugin}' is not in use: {refusal.reason}", err=True)
+    registry.manager.hook.chairward_commands(app=app)
+    app(prog_name="chairward")
+    sys.exit(0)

@@ -1,0 +1,72 @@
+"""The algebra of votes: the meet of caps, scaling a motion into them, and which votes bind.
+
+`Caps` is the lattice element: four magnitudes. Merging is the component-wise minimum, so the order of the votes
+does not matter and no vote can widen what another allows. A motion is scaled *as a whole* along its path:
+clipping component by component would straighten a curve into the obstacle it goes round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from math import inf
+from typing import NamedTuple
+
+from chairward.components import STILL, Motion
+
+
+class Caps(NamedTuple):
+    """The most that is allowed each way: speeds in mm/s and deg/s, 0 (closed) to infinity (open)."""
+
+    forward_mm_s: float = inf
+    backward_mm_s: float = inf
+    left_deg_s: float = inf
+    right_deg_s: float = inf
+
+
+OPEN = Caps()
+CLOSED = Caps(0.0, 0.0, 0.0, 0.0)
+
+
+class Envelope(NamedTuple):
+    """A named vote: what `rule` allows because of `source`; `detail` is one short clause for people."""
+
+    caps: Caps
+    rule: str
+    source: str = ""
+    detail: str = ""
+
+
+def meet(votes: Iterable[Envelope]) -> Caps:
+    """The component-wise minimum of all votes; OPEN when there are none."""
+    caps = OPEN
+    for vote in votes:
+        caps = Caps(*map(min, caps, vote.caps))
+    return caps
+
+
+def scale(motion: Motion, caps: Caps) -> float:
+    """The largest s in 0..1 with s * motion inside caps."""
+    s = 1.0
+    for want, cap in (
+        (motion.drive_mm_s, caps.forward_mm_s),
+        (-motion.drive_mm_s, caps.backward_mm_s),
+        (motion.turn_deg_s, caps.left_deg_s),
+        (-motion.turn_deg_s, caps.right_deg_s),
+    ):
+        if want > 0.0:
+            s = min(s, cap / want)
+    return s
+
+
+def fit(motion: Motion, caps: Caps) -> Motion:
+    """The same path, slow enough for caps; STILL when a component that is wanted is closed."""
+    s = scale(motion, caps)
+    if s >= 1.0:
+        return motion
+    return STILL if s <= 0.0 else Motion(motion.drive_mm_s * s, motion.turn_deg_s * s)
+
+
+def binding(motion: Motion, votes: Sequence[Envelope]) -> tuple[Envelope, ...]:
+    """The votes that alone would slow `motion` as much as all together do; none when nothing slows it."""
+    worst = scale(motion, meet(votes))
+    return () if worst >= 1.0 else tuple(v for v in votes if scale(motion, v.caps) <= worst)

@@ -1,0 +1,45 @@
+"""One record a decision: everything that went in and came out, so that replay needs nothing else."""
+
+from __future__ import annotations
+
+import msgspec
+
+from chairward.facts import Decision, Facts, State
+
+
+class Record(msgspec.Struct, frozen=True, kw_only=True):
+    """A decision with its whole cause.
+
+    tick: the guard's count of decisions. due_ns, woke_ns: when the tick was due and when the guard was awake
+    (equal for a decision that a message brought about). wrote_ns: when the drive had been told.
+    limits_id: digest of the limits in force; the full limits are written once at the start of a run.
+    before, facts, after, decision: decide(before, facts, limits) == (after, decision).
+    frame: the bytes that went on the wire, if the drive tells. missed: records that this observer did not get before.
+    """
+
+    tick: int
+    due_ns: int
+    woke_ns: int
+    wrote_ns: int
+    periodic: bool
+    limits_id: str
+    before: State
+    facts: Facts
+    after: State
+    decision: Decision
+    newest_sent_ns: int = 0
+    missed: int = 0
+
+
+_encoder = msgspec.msgpack.Encoder()
+_decoder = msgspec.msgpack.Decoder(Record)
+
+
+def encode(record: Record) -> bytes:
+    """The record as msgpack."""
+    return _encoder.encode(record)
+
+
+def decode(data: bytes) -> Record:
+    """The record back. Raises msgspec.DecodeError."""
+    return _decoder.decode(data)

@@ -1,0 +1,1 @@
+"""A webcam pair, or recorded pairs."""

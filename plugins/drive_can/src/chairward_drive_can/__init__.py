@@ -1,0 +1,1 @@
+"""CAN wheelchair controllers: R-Net, any DBC file, CANopen CiA 402."""

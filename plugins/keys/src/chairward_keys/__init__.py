@@ -1,0 +1,1 @@
+"""A keyboard or switch as stop device, held switch and arm button."""

@@ -1,0 +1,1 @@
+"""A microphone, or recorded sound."""

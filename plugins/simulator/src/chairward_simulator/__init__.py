@@ -1,0 +1,1 @@
+"""A simulated home, chair and person: the physical world behind the real plugins."""

@@ -1,0 +1,1 @@
+"""Distances by stereo, stereo calibration, and their evaluation."""

@@ -1,0 +1,1 @@
+"""Obstacles by their look: what does not look like the floor."""

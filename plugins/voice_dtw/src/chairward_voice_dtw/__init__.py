@@ -1,0 +1,1 @@
+"""A person's own words, recognised by dynamic time warping."""
