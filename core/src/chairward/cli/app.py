@@ -6,6 +6,7 @@ import sys
 
 import typer
 
+from chairward.cli import sim
 from chairward.plugins import discover
 
 app = typer.Typer(
@@ -24,5 +25,7 @@ def main() -> None:
     for refusal in registry.refused:
         typer.echo(f"chairward: plugin '{refusal.plugin}' is not in use: {refusal.reason}", err=True)
     registry.manager.hook.chairward_commands(app=app)
+    if sim.app.registered_commands:
+        app.add_typer(sim.app)
     app(prog_name="chairward")
     sys.exit(0)
