@@ -144,10 +144,14 @@ Message = RangeReading | Intent | Stick | Alive | Press | Veto | Lost | Ended
 
 
 class Parcel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One message on the wire, with the component of the lane that made it (the guard knows the lane by its socket)."""
+    """One message on the wire, with the component of the lane that made it (the guard knows the lane by its socket).
+
+    sent_ns: when the lane sent it; for figures only, no rule looks at it.
+    """
 
     stage: Name
     body: Message
+    sent_ns: Count = 0
 
 
 class DriveStatus(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -1,0 +1,297 @@
+"""The guard: the one process that owns the arbiter and the drive. It ticks for ever and always emits.
+
+Its tick is the drive's period; it also acts when a message arrives, so a stop does not wait for the tick. Each lane
+has a budget of messages a tick: who spends it is not listened to until the next tick, and so goes stale. When the
+supervisor's end closes, the guard stops the chair and leaves; when the guard dies, the controller's own watchdog
+stops the chair.
+"""
+
+from __future__ import annotations
+
+import gc
+import hashlib
+import os
+import selectors
+import signal
+import socket
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+
+from chairward import arbiter, plan, records, wire
+from chairward.border import Border
+from chairward.components import STILL, Drive, DriveError, Motion
+from chairward.facts import Decision, Facts, Limits, S, State
+from chairward.messages import DriveStatus
+from chairward.plan import Plan
+from chairward.plugins import discover
+from chairward.realtime import claim, suspended_ns
+
+MESSAGES_A_TICK = 8
+LEAVE_WITHIN_NS = 2 * S
+CONTROL = "control"
+WHEELS = "drive"
+
+
+class Guard:
+    """State of the running guard; `run` returns its exit code."""
+
+    def __init__(
+        self,
+        the_plan: Plan,
+        drive: Drive,
+        lanes: dict[str, socket.socket],
+        control: socket.socket,
+        observers: Sequence[socket.socket],
+    ) -> None:
+        self.limits: Limits = the_plan.limits
+        self.limits_id = hashlib.sha256(msgspec.json.encode(self.limits)).hexdigest()[:16]
+        self.drive = drive
+        self.border = Border({lane.name: lane for lane in the_plan.lanes})
+        self.lanes = dict(lanes)
+        self.control = control
+        self.observers = dict.fromkeys(observers, 0)
+        self.state = State()
+        self.status = DriveStatus(at_ns=0, linked=False, armed=False)
+        self.drive_fault = ""
+        self.supervisor_ns = 0
+        self.tick = 0
+        self.leaving_since_ns = 0
+        self.commanded = STILL
+        self.hard = False
+        self.selector = selectors.SelectSelector()  # epoll and poll round the time-out up to whole milliseconds
+        self.budget: dict[str, int] = {}
+        self.muted: dict[str, socket.socket] = {}
+        self.drive_fd = -1
+
+    def run(self) -> int:
+        """Tick until told to quit or left alone. Always ends with a stop on the wire."""
+        self.selector.register(self.control, selectors.EVENT_READ, CONTROL)
+        for name, end in self.lanes.items():
+            self.selector.register(end, selectors.EVENT_READ, name)
+        now = time.monotonic_ns()
+        self.supervisor_ns = now
+        due, last, asleep = now + self.drive.period_ns, now, suspended_ns()
+        try:
+            while not self._may_leave():
+                arrived = self._wait(max(0, due - time.monotonic_ns()) / S)
+                now = time.monotonic_ns()
+                slept = suspended_ns()
+                gap = max(now - max(last + self.drive.period_ns, 0), slept - asleep, 0)
+                gap = gap if gap > self.limits.gap_limit_ns else 0
+                last, asleep = now, slept
+                periodic = now >= due
+                if periodic or arrived:
+                    self._act(now, due if periodic else now, gap, periodic=periodic)
+                if periodic:
+                    due += self.drive.period_ns * (1 + (now - due) // self.drive.period_ns)
+                    self._new_tick()
+        finally:
+            self.drive.close()
+        return 0
+
+    def _wait(self, timeout_s: float) -> bool:
+        """Sleep until the next tick or a message; drain what came. True when a fact may have changed."""
+        arrived = False
+        for key, _ in self.selector.select(timeout_s):
+            name = str(key.data)
+            if name == CONTROL:
+                self._drain_control()
+            elif name == WHEELS:
+                arrived = True  # the drive reads its own answers in poll()
+            else:
+                arrived |= self._drain_lane(name)
+        return arrived
+
+    def _drain_lane(self, name: str) -> bool:
+        end = self.lanes[name]
+        arrived = False
+        while True:
+            left = self.budget.get(name, MESSAGES_A_TICK)
+            if left <= 0:
+                self.selector.unregister(end)
+                self.muted[name] = end
+                return arrived
+            data = wire.receive(end)
+            if data is None:
+                return arrived
+            arrived = True
+            if not data:
+                self._close_lane(name, "its process has closed the line")
+                return arrived
+            self.budget[name] = left - 1
+            self.border.take(name, data, time.monotonic_ns())
+
+    def _close_lane(self, name: str, reason: str) -> None:
+        end = self.lanes.pop(name, None)
+        if end is None:
+            return
+        if self.muted.pop(name, None) is None:
+            self.selector.unregister(end)
+        end.close()
+        self.border.lane_lost(name, reason)
+
+    def _drain_control(self) -> None:
+        try:
+            while (received := wire.receive_control(self.control)) is not None:
+                message, fds = received
+                match message:
+                    case wire.Heartbeat():
+                        self.supervisor_ns = time.monotonic_ns()
+                    case wire.Died(lane, reason):
+                        self._close_lane(lane, reason)
+                        self.border.lane_lost(lane, reason)
+                    case wire.Attach(lane):
+                        self._close_lane(lane, "replaced")
+                        self.lanes[lane] = wire.adopt(fds[0])
+                        self.selector.register(self.lanes[lane], selectors.EVENT_READ, lane)
+                        self.border.lane_attached(lane)
+                    case wire.Quit():
+                        self.leave()
+        except EOFError:
+            self.selector.unregister(self.control)
+            self.leave()
+
+    def leave(self) -> None:
+        """Stop the chair, then end; the run's last decisions are recorded like all others."""
+        self.leaving_since_ns = self.leaving_since_ns or time.monotonic_ns()
+
+    def _may_leave(self) -> bool:
+        """Leaving, and the controller has said that it stands (or had its time)."""
+        if not self.leaving_since_ns:
+            return False
+        waited = time.monotonic_ns() - self.leaving_since_ns
+        standing = self.status.linked and abs(self.status.speed_mm_s or 0.0) < 1.0 and waited > 5 * self.drive.period_ns
+        return standing or not self.status.linked or waited > LEAVE_WITHIN_NS
+
+    def _new_tick(self) -> None:
+        self.budget.clear()
+        for name, end in self.muted.items():
+            self.selector.register(end, selectors.EVENT_READ, name)
+        self.muted.clear()
+        if self.tick % 256 == 0 and self.commanded == STILL:
+            gc.collect(1)
+
+    def _act(self, now: int, due: int, gap_ns: int, *, periodic: bool) -> None:
+        """Facts, decision, drive, record."""
+        self._poll_drive(now, periodic=periodic)
+        if self.leaving_since_ns:
+            self.border.lane_lost("supervisor", "the run is ending")
+        facts = self.border.facts(now, self.status, self.supervisor_ns, gap_ns)
+        before = self.state
+        after, decision = arbiter.decide(before, facts, self.limits)
+        self._command(now, decision, periodic=periodic)
+        self.state = after
+        self._publish(now, due, before, facts, after, decision, periodic=periodic)
+        self.tick += 1
+
+    def _poll_drive(self, now: int, *, periodic: bool) -> None:
+        fault, self.drive_fault = self.drive_fault, ""
+        try:
+            self.status = self.drive.poll(now)
+            if not self.status.linked and periodic:
+                self.drive.connect(now)
+        except DriveError as error:
+            fault = str(error)
+            self.status = msgspec.structs.replace(self.status, linked=False, armed=False)
+        if fault:
+            self.status = msgspec.structs.replace(self.status, fault=fault[:200])
+        fd = self.drive.fileno()
+        if fd != self.drive_fd:
+            if self.drive_fd >= 0:
+                self.selector.unregister(self.drive_fd)
+            if fd >= 0:
+                self.selector.register(fd, selectors.EVENT_READ, WHEELS)
+            self.drive_fd = fd
+
+    def _command(self, now: int, decision: Decision, *, periodic: bool) -> None:
+        """Tell the drive: every tick, and at once when the motion falls; a rise waits for the tick."""
+        fallen = _falls(self.commanded, decision.motion)
+        newly_hard = decision.hard_stop and not self.hard
+        if not (periodic or newly_hard or fallen or decision.arm or decision.disarm):
+            return
+        try:
+            if decision.disarm:
+                self.drive.disarm(now)
+            elif decision.arm:
+                self.drive.arm(now)
+            if self.status.linked:
+                self.drive.command(now, decision.motion, hard_stop=decision.hard_stop)
+        except DriveError as error:
+            self.drive_fault = str(error)
+        self.commanded, self.hard = decision.motion, decision.hard_stop
+
+    def _publish(
+        self, now: int, due: int, before: State, facts: Facts, after: State, decision: Decision, *, periodic: bool
+    ) -> None:
+        """A copy to every observer that has room; what it misses is counted and told in its next record."""
+        record = records.Record(
+            tick=self.tick,
+            due_ns=due,
+            woke_ns=now,
+            wrote_ns=time.monotonic_ns(),
+            periodic=periodic,
+            limits_id=self.limits_id,
+            before=before,
+            facts=facts,
+            after=after,
+            decision=decision,
+            newest_sent_ns=self.border.newest_sent_ns,
+        )
+        data = records.encode(record)
+        for end, missed in list(self.observers.items()):
+            mine = records.encode(msgspec.structs.replace(record, missed=missed)) if missed else data
+            try:
+                end.send(mine)
+                self.observers[end] = 0
+            except BlockingIOError:
+                self.observers[end] = missed + 1
+            except OSError:
+                del self.observers[end]
+                end.close()
+
+
+def _falls(old: Motion, new: Motion) -> bool:
+    return abs(new.drive_mm_s) < abs(old.drive_mm_s) or abs(new.turn_deg_s) < abs(old.turn_deg_s)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The guard's process: plan file, run folder, control fd, name=fd of each lane, fds of the observers."""
+    options = msgspec.json.decode((argv or sys.argv[1:])[0], type=GuardOptions)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    the_plan = plan.read(Path(options.plan))
+    control = wire.adopt(options.control)
+    component = discover().get("drive", the_plan.drive.component)
+    run_dir = Path(options.run_dir)
+    settings = component.settings.model_validate(plan.fill_run_dir(the_plan.drive.settings, run_dir))
+    lane = the_plan.lanes[0]
+    drive = component.make(settings, the_plan.context("drive", lane.pose, run_dir))
+    guard = Guard(
+        the_plan,
+        drive,
+        {name: wire.adopt(fd) for name, fd in options.lanes.items()},
+        control,
+        [wire.adopt(fd) for fd in options.observers],
+    )
+    signal.signal(signal.SIGTERM, lambda *_: guard.leave())
+    granted = claim()
+    up = wire.GuardIsUp(os.getpid(), granted.fifo, granted.memory_locked, granted.why)
+    wire.send_control(control, up)
+    return guard.run()
+
+
+class GuardOptions(msgspec.Struct, frozen=True):
+    """What the supervisor tells the guard on its command line, as JSON."""
+
+    plan: str
+    run_dir: str
+    control: int
+    lanes: dict[str, int]
+    observers: list[int]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

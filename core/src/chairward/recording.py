@@ -1,0 +1,117 @@
+"""The recorder: every decision in an MCAP file, each record self-contained, and reading them back.
+
+An observer like any other, in a process of its own; what it missed is in the records themselves (`missed`).
+MCAP chunks are written out every half second, so a power cut loses at most what came after the last one; a file
+that was cut gives everything before the cut. Channel "records" holds msgpack of `chairward.records.Record`, channel
+"decisions" the readable part as JSON for Foxglove and the like.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from mcap.exceptions import McapError
+from mcap.records import Channel, Message, Schema
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, Writer
+from pydantic import Field
+
+from chairward import records
+from chairward.components import Context, Settings
+from chairward.records import Record
+
+FLUSH_S = 0.5
+RECORDS_TOPIC = "chairward/records"
+DECISIONS_TOPIC = "chairward/decisions"
+PLAN_TOPIC = "chairward/plan"
+
+
+class RecorderSettings(Settings):
+    """Where the record goes."""
+
+    path: Path = Field(description="the file to write; a relative path starts in the run's folder")
+
+
+class Recorder:
+    """Writes one file; `observe` is called with every encoded record."""
+
+    def __init__(self, settings: RecorderSettings, context: Context) -> None:
+        self._file = (context.run_dir / settings.path).open("wb")
+        self._writer = Writer(self._file, chunk_size=256 * 1024, compression=CompressionType.ZSTD)
+        self._writer.start(profile="chairward", library="chairward")
+        self._records = self._writer.register_channel(RECORDS_TOPIC, "msgpack", 0)
+        schema = self._writer.register_schema("chairward.Decision", "jsonschema", _decision_schema())
+        self._decisions = self._writer.register_channel(DECISIONS_TOPIC, "json", schema)
+        plan_channel = self._writer.register_channel(PLAN_TOPIC, "json", 0)
+        now = time.time_ns()
+        self._offset_ns = now - time.monotonic_ns()
+        plan_file = context.run_dir / "plan.json"
+        if plan_file.exists():
+            self._writer.add_message(plan_channel, now, plan_file.read_bytes(), now)
+        self._flushed_s = time.monotonic()
+
+    def observe(self, record: bytes) -> None:
+        """Write one record, and its readable part."""
+        whole = records.decode(record)
+        at = whole.facts.now_ns + self._offset_ns
+        self._writer.add_message(self._records, at, record, at, whole.tick % 2**32)
+        readable = {"tick": whole.tick, "drive": whole.facts.drive, "decision": whole.decision}
+        self._writer.add_message(self._decisions, at, msgspec.json.encode(readable), at, whole.tick % 2**32)
+        now = time.monotonic()
+        if now - self._flushed_s >= FLUSH_S:
+            self._flushed_s = now
+            self._flush()
+
+    def _flush(self) -> None:
+        """End the chunk, so that a file cut here can be read up to here."""
+        self._writer._Writer__finalize_chunk()  # type: ignore[attr-defined]  # mcap has no public way to end a chunk
+        self._file.flush()
+
+    def close(self) -> None:
+        """Write the index and close."""
+        if not self._file.closed:
+            self._writer.finish()
+            self._file.close()
+
+
+def read(path: Path) -> Iterator[Record]:
+    """The records of a file, in order; of a file that was cut, all before the cut. Raises OSError, McapError."""
+    topics: dict[int, str] = {}
+    with path.open("rb") as file:
+        try:
+            for item in StreamReader(file, skip_magic=False).records:
+                if isinstance(item, Channel):
+                    topics[item.id] = item.topic
+                elif isinstance(item, Message) and topics.get(item.channel_id) == RECORDS_TOPIC:
+                    yield records.decode(item.data)
+        except (McapError, EOFError, ValueError) as error:
+            if not topics:
+                raise McapError(f"{path}: not a recording ({error})") from error
+
+
+def _decision_schema() -> bytes:
+    schema: dict[str, Any] = {
+        "title": "chairward.Decision",
+        "type": "object",
+        "properties": {
+            "tick": {"type": "integer"},
+            "drive": {"type": "object"},
+            "decision": {
+                "type": "object",
+                "properties": {
+                    "motion": {"type": "array", "items": {"type": "number"}},
+                    "instruction": {"type": "string"},
+                    "nearest_mm": {"type": ["integer", "null"]},
+                    "latch": {"type": "string"},
+                },
+            },
+        },
+    }
+    return msgspec.json.encode(schema)
+
+
+__all__ = ["Recorder", "RecorderSettings", "Schema", "read"]

@@ -1,0 +1,363 @@
+"""The supervisor: starts, watches and restarts the processes of a run, in an order that ends with a stop.
+
+Companions first, then the lanes and the observers, the guard last. A lane that dies or hangs is named to the guard
+and started again with back-off, in a process group of its own. When the guard ends, the run ends.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import msgspec
+
+from chairward import frames, plan, records, wire
+from chairward.beside import BesideOptions
+from chairward.guard import GuardOptions
+from chairward.lane import LaneOptions
+from chairward.plan import LanePlan, Plan
+
+log = logging.getLogger(__name__)
+
+HEARTBEAT_S = 0.025
+COMPANION_READY_S = 120.0
+LANE_START_S = 90.0
+LANE_HANG_S = 5.0
+GUARD_LEAVES_S = 5.0
+BACK_OFF_S = (0.2, 0.5, 1.0, 2.0, 5.0)
+RECORD_BUFFER_BYTES = 4 * 1024 * 1024
+
+
+class RunError(RuntimeError):
+    """The run cannot start or go on: one sentence that names what failed."""
+
+
+@dataclass(slots=True)
+class LaneProcess:
+    """One lane as the supervisor sees it."""
+
+    plan: LanePlan
+    process: subprocess.Popen[bytes]
+    control: socket.socket
+    frames_fd: int
+    started_s: float
+    beat_s: float = 0.0
+    items: int = 0
+    dropped: int = 0
+    dropped_before: int = 0
+    deaths: int = 0
+    restart_at_s: float = 0.0
+    ended: bool = False
+
+
+@dataclass(slots=True)
+class Supervisor:
+    """One run. `on_record` is called with every record that the guard publishes, in the supervisor's own time."""
+
+    plan: Plan
+    run_dir: Path
+    on_record: Callable[[records.Record], None]
+    lanes: dict[str, LaneProcess] = field(default_factory=dict)
+    companions: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
+    observers: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
+    events: list[str] = field(default_factory=list)
+    up: wire.GuardIsUp | None = None
+    ended_reason: str = ""
+    _guard: subprocess.Popen[bytes] | None = None
+    _control: socket.socket | None = None
+    _records: socket.socket | None = None
+    _stop: bool = False
+
+    def run(self, for_s: float | None = None) -> int:
+        """Start everything, supervise, end everything. Returns the guard's exit code. Raises RunError."""
+        plan_file = self.run_dir / "plan.json"
+        plan.write(self.plan, plan_file)
+        try:
+            self._start_companions()
+            self._start_guard_and_lanes()
+            self._watch(None if for_s is None else time.monotonic() + for_s)
+        finally:
+            code = self._end()
+        return code
+
+    def stop(self, reason: str) -> None:
+        """Ask for an orderly end: the chair first."""
+        self.ended_reason = self.ended_reason or reason
+        self._stop = True
+
+    # ---- starting -------------------------------------------------------------------------------------------------
+
+    def _spawn(self, module: str, options: msgspec.Struct, name: str, fds: list[int]) -> subprocess.Popen[bytes]:
+        """A Python process in a group of its own, with these descriptors and a log file for what it says."""
+        with (self.run_dir / f"{name}.log").open("ab") as log_file:
+            return subprocess.Popen(
+                [sys.executable, "-m", module, msgspec.json.encode(options).decode()],
+                pass_fds=fds,
+                process_group=0,
+                stdin=subprocess.DEVNULL,
+                stdout=log_file,
+                stderr=log_file,
+                env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"},
+            )
+
+    def _start_companions(self) -> None:
+        waiting: dict[int, str] = {}
+        for name in self.plan.companions:
+            ours, theirs = os.pipe()
+            options = BesideOptions(str(self._plan_file), str(self.run_dir), "companion", name, theirs)
+            self.companions[name] = self._spawn("chairward.beside", options, name, [theirs])
+            os.close(theirs)
+            waiting[ours] = name
+        end = time.monotonic() + COMPANION_READY_S
+        while waiting and not self._stop:
+            readable, _, _ = select.select(list(waiting), [], [], 0.1)
+            for fd in readable:
+                name = waiting.pop(fd)
+                said = os.read(fd, 16)
+                os.close(fd)
+                if not said:
+                    self.companions[name].wait()
+                    raise RunError(f"companion '{name}' could not start: {self._last_words(name)}")
+            if time.monotonic() > end:
+                raise RunError(
+                    f"companion '{', '.join(waiting.values())}' was not ready within {COMPANION_READY_S:.0f} s"
+                )
+
+    def _start_guard_and_lanes(self) -> None:
+        guard_ends: dict[str, socket.socket] = {}
+        for lane in self.plan.lanes:
+            guard_ends[lane.name] = self._start_lane(lane, frames.create())
+        outs = []
+        for name in self.plan.observers:
+            ours, theirs = wire.pair(RECORD_BUFFER_BYTES)
+            options = BesideOptions(str(self._plan_file), str(self.run_dir), "observer", name, theirs.fileno())
+            self.observers[name] = self._spawn("chairward.beside", options, name, [theirs.fileno()])
+            theirs.close()
+            outs.append(ours)
+        self._records, ours = wire.pair(RECORD_BUFFER_BYTES)
+        outs.append(ours)
+        self._control, control = wire.pair()
+        options_ = GuardOptions(
+            plan=str(self._plan_file),
+            run_dir=str(self.run_dir),
+            control=control.fileno(),
+            lanes={name: end.fileno() for name, end in guard_ends.items()},
+            observers=[end.fileno() for end in outs],
+        )
+        passed = [control, *guard_ends.values(), *outs]
+        self._guard = self._spawn("chairward.guard", options_, "guard", [end.fileno() for end in passed])
+        for end in passed:
+            end.close()  # or their end would never read as closed
+
+    def _start_lane(self, lane: LanePlan, frames_fd: int) -> socket.socket:
+        """Start the lane's process; returns the guard's end of its line."""
+        guard_end, lane_end = wire.pair()
+        ours, theirs = wire.pair()
+        options = LaneOptions(
+            plan=str(self._plan_file),
+            run_dir=str(self.run_dir),
+            lane=lane.name,
+            guard=lane_end.fileno(),
+            control=theirs.fileno(),
+            frames=frames_fd,
+        )
+        fds = [lane_end.fileno(), theirs.fileno(), frames_fd]
+        process = self._spawn("chairward.lane", options, f"lane-{lane.name}", fds)
+        lane_end.close()
+        theirs.close()
+        if (old := self.lanes.get(lane.name)) is not None:
+            old.control.close()
+            old.process, old.control = process, ours
+            old.started_s, old.beat_s, old.restart_at_s = time.monotonic(), 0.0, 0.0
+            old.dropped_before += old.dropped
+            old.dropped = 0
+        else:
+            self.lanes[lane.name] = LaneProcess(lane, process, ours, frames_fd, time.monotonic())
+        return guard_end
+
+    @property
+    def _plan_file(self) -> Path:
+        return self.run_dir / "plan.json"
+
+    # ---- watching -------------------------------------------------------------------------------------------------
+
+    def _watch(self, end_s: float | None) -> None:
+        assert self._control is not None
+        assert self._records is not None
+        assert self._guard is not None
+        heartbeat_s = 0.0
+        while not self._stop:
+            now = time.monotonic()
+            if now - heartbeat_s >= HEARTBEAT_S:
+                heartbeat_s = now
+                wire.send_control(self._control, wire.Heartbeat())
+            ends = [self._control, self._records, *(x.control for x in self.lanes.values() if x.process.poll() is None)]
+            readable, _, _ = select.select(ends, [], [], HEARTBEAT_S)
+            if self._records in readable:
+                self._read_records()
+            if self._control in readable:
+                self._read_guard()
+            for lane in self.lanes.values():
+                self._watch_lane(lane, now)
+            for name, process in self.companions.items():
+                if process.poll() is not None:
+                    self.stop(f"companion '{name}' ended: {self._last_words(name)}")
+            if self._guard.poll() is not None:
+                self.stop(f"the guard ended: {self._last_words('guard')}")
+            if end_s is not None and now >= end_s:
+                self.stop("the time asked for is over")
+
+    def _read_records(self, limit: int = 64) -> None:
+        assert self._records is not None
+        for _ in range(limit):
+            data = wire.receive(self._records, wire.RECORD_BYTES)
+            if not data:
+                return
+            self.on_record(records.decode(data))
+
+    def _read_guard(self) -> None:
+        assert self._control is not None
+        try:
+            received = wire.receive_control(self._control)
+        except EOFError:
+            return
+        if received is not None and isinstance(received[0], wire.GuardIsUp):
+            self.up = received[0]
+            for sentence in self.up.why:
+                self._note(f"guard: {sentence}")
+
+    def _watch_lane(self, lane: LaneProcess, now: float) -> None:
+        """Take its beats; when it is dead or hangs: name it, end it, start it again after a pause."""
+        self._read_beats(lane, now)
+        if lane.restart_at_s:
+            if now >= lane.restart_at_s:
+                self._restart(lane)
+            return
+        if lane.ended:
+            return
+        code = lane.process.poll()
+        reason = ""
+        if code is not None:
+            if code == 0 and self._stop:
+                return
+            reason = f"its process {_how(code)}: {self._last_words(f'lane-{lane.plan.name}')}"
+        elif lane.beat_s and now - lane.beat_s > LANE_HANG_S:
+            reason = f"its process has not moved for {LANE_HANG_S:.0f} s"
+        elif not lane.beat_s and now - lane.started_s > LANE_START_S:
+            reason = f"its process was not ready within {LANE_START_S:.0f} s"
+        if not reason:
+            return
+        if code is None:
+            os.killpg(lane.process.pid, signal.SIGKILL)
+            lane.process.wait()
+        pause_s = BACK_OFF_S[min(lane.deaths, len(BACK_OFF_S) - 1)]
+        lane.deaths += 1
+        lane.restart_at_s = now + pause_s
+        self._note(f"lane '{lane.plan.name}': {reason}; starting it again in {pause_s:g} s")
+        assert self._control is not None
+        wire.send_control(self._control, wire.Died(lane.plan.name, reason[:500]))
+
+    def _read_beats(self, lane: LaneProcess, now: float) -> None:
+        while True:
+            try:
+                received = wire.receive_control(lane.control)
+            except (EOFError, OSError):
+                return
+            if received is None:
+                return
+            match received[0]:
+                case wire.Beat(items, dropped, ended):
+                    lane.beat_s, lane.items, lane.dropped = now, items, dropped
+                    if ended and not lane.ended:
+                        lane.ended = True
+                        self._note(f"lane '{lane.plan.name}': its input has ended")
+                        if lane.plan.ends_run:
+                            self.stop(f"the input of lane '{lane.plan.name}' has ended")
+                case wire.Note(text):
+                    self._note(text)
+
+    def _restart(self, lane: LaneProcess) -> None:
+        assert self._control is not None
+        guard_end = self._start_lane(lane.plan, lane.frames_fd)
+        wire.send_control(self._control, wire.Attach(lane.plan.name), [guard_end.fileno()])
+        guard_end.close()
+
+    def _note(self, text: str) -> None:
+        log.warning("%s", text)
+        self.events.append(text)
+
+    def _last_words(self, name: str) -> str:
+        """The last line a process wrote: usually the error that ended it."""
+        path = self.run_dir / f"{name}.log"
+        lines = (
+            [line.strip() for line in path.read_text(errors="replace").splitlines() if line.strip()]
+            if path.exists()
+            else []
+        )
+        return lines[-1][:300] if lines else "it said nothing"
+
+    # ---- ending ---------------------------------------------------------------------------------------------------
+
+    def _end(self) -> int:
+        """The chair first, then lanes, then companions; whoever does not leave in time is killed by its group."""
+        code = self._end_guard()
+        for lane in self.lanes.values():
+            _terminate(lane.process)
+        _wait_all({f"lane '{n}'": x.process for n, x in self.lanes.items()}, 2.0, self._note)
+        for process in self.companions.values():
+            _terminate(process)
+        _wait_all({f"companion '{n}'": p for n, p in self.companions.items()}, 5.0, self._note)
+        _wait_all({f"observer '{n}'": p for n, p in self.observers.items()}, 5.0, self._note)
+        for lane in self.lanes.values():
+            lane.control.close()
+            os.close(lane.frames_fd)
+        for end in (self._control, self._records):
+            if end is not None:
+                end.close()
+        return code
+
+    def _end_guard(self) -> int:
+        if self._guard is None or self._control is None:
+            return 0
+        wire.send_control(self._control, wire.Quit())
+        end_s = time.monotonic() + GUARD_LEAVES_S
+        while self._guard.poll() is None and time.monotonic() < end_s:
+            wire.send_control(self._control, wire.Heartbeat())
+            select.select([self._records] if self._records else [], [], [], HEARTBEAT_S)
+            self._read_records()
+        if self._guard.poll() is None:
+            self._note(f"the guard did not leave within {GUARD_LEAVES_S:.0f} s and was killed")
+            self._guard.kill()
+        self._read_records(limit=100_000)
+        return self._guard.wait()
+
+
+def _terminate(process: subprocess.Popen[bytes]) -> None:
+    if process.poll() is None:
+        process.terminate()
+        os.kill(process.pid, signal.SIGCONT)  # a stopped process could not leave
+
+
+def _wait_all(processes: Mapping[str, subprocess.Popen[bytes]], seconds: float, note: Callable[[str], None]) -> None:
+    end = time.monotonic() + seconds
+    for name, process in processes.items():
+        try:
+            process.wait(max(0.01, end - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            note(f"{name} did not leave in time and was killed")
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+def _how(code: int) -> str:
+    """How a process ended, in words."""
+    return f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
