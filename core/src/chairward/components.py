@@ -68,7 +68,7 @@ class Context:
     """What a component may know beside its own settings.
 
     lane: the lane's name ("front"). pose: of the lane's source. words: word -> command, as the person has chosen.
-    run_dir: a private folder of this run (sockets, ptys, reports). chair_dir: relative paths in the chair file start here.
+    run_dir: a private folder of this run (sockets, ptys, reports). chair_dir: where the chair file is.
     person, person_dir: who drives, and where that person's recordings are kept.
     stop_mm, avoid_mm: the thresholds in force (for display and for choosing what to look at; the guard decides).
     """
@@ -120,7 +120,10 @@ class Bench:
 
 
 class Source(Protocol):
-    """Gives items (StereoFrame, AudioBlock, ...) or messages of its own (a sonar gives RangeReading)."""
+    """Gives items (StereoFrame, AudioBlock, ...) or messages of its own (a sonar gives RangeReading), or a list of them.
+
+    The sequence of its own messages goes on rising over close and open.
+    """
 
     def open(self) -> None:
         """Open the device. Raises DeviceLost."""

@@ -104,7 +104,7 @@ class Stick(Report, frozen=True, kw_only=True, tag="stick"):
 
 
 class Alive(Report, frozen=True, kw_only=True, tag="alive"):
-    """Heartbeat of a recognizer or stop device, every 100 ms. well is False when it cannot do its work (muted, dead)."""
+    """Heartbeat of a recognizer or stop device, every 100 ms; well is False when it cannot work (muted, dead)."""
 
     well: bool = True
     level_dbfs: Annotated[float, msgspec.Meta(ge=-200.0, le=20.0)] | None = None

@@ -55,7 +55,7 @@ class LanePlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """Everything a run needs. Relative paths in settings have been made absolute; "{run}" in them is the run's folder."""
+    """Everything a run needs. Paths in settings have been made absolute; "{run}" in them is the run's folder."""
 
     chair: str
     chair_file: str

@@ -95,7 +95,7 @@ def _register(registry: Registry, name: str, plugin: Any) -> None:
     try:
         registry.manager.register(plugin, name)
         registry.manager.check_pending()
-        offered = {kind: _offered(registry, name, plugin, kind) for kind in KINDS}
+        offered = {kind: _offered(registry, plugin, kind) for kind in KINDS}
     except Exception as error:  # noqa: BLE001 - a hook of a third party may raise anything; refused by name
         if registry.manager.has_plugin(name):
             registry.manager.unregister(name=name)
@@ -107,7 +107,7 @@ def _register(registry: Registry, name: str, plugin: Any) -> None:
             registry.origin[f"{kind} {component.name}"] = name
 
 
-def _offered(registry: Registry, name: str, plugin: Any, kind: str) -> Sequence[Component]:
+def _offered(registry: Registry, plugin: Any, kind: str) -> Sequence[Component]:
     """The components of one kind that this plugin alone offers; a name already taken is an error."""
     hook = registry.manager.subset_hook_caller(
         f"chairward_{kind}s", [p for p in registry.manager.get_plugins() if p is not plugin]

@@ -15,7 +15,7 @@ from typing import Any
 
 import msgspec
 from mcap.exceptions import McapError
-from mcap.records import Channel, Message, Schema
+from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 from pydantic import Field
@@ -63,18 +63,14 @@ class Recorder:
         self._writer.add_message(self._decisions, at, msgspec.json.encode(readable), at, whole.tick % 2**32)
         now = time.monotonic()
         if now - self._flushed_s >= FLUSH_S:
-            self._flushed_s = now
-            self._flush()
-
-    def _flush(self) -> None:
-        """End the chunk, so that a file cut here can be read up to here."""
-        self._writer._Writer__finalize_chunk()  # type: ignore[attr-defined]  # mcap has no public way to end a chunk
-        self._file.flush()
+            self._flushed_s = now  # a flush ends the chunk: a file that is cut later can be read up to here
+            self._writer.flush()  # type: ignore[no-untyped-call]
+            self._file.flush()
 
     def close(self) -> None:
         """Write the index and close."""
         if not self._file.closed:
-            self._writer.finish()
+            self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.close()
 
 
@@ -112,6 +108,3 @@ def _decision_schema() -> bytes:
         },
     }
     return msgspec.json.encode(schema)
-
-
-__all__ = ["Recorder", "RecorderSettings", "Schema", "read"]

@@ -14,7 +14,7 @@ from typing import Any
 
 from chairward.components import STILL, Motion
 from chairward.envelope import Caps
-from chairward.facts import MS, S, Decision, Limits, Wish
+from chairward.facts import MS, Decision, Limits, S, Wish
 from chairward.messages import Command, RangeReading
 from chairward.records import Record
 

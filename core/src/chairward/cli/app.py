@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from chairward.cli import sim
+from chairward.cli import plugins, run, sim
 from chairward.plugins import discover
 
 app = typer.Typer(
@@ -17,6 +17,11 @@ app = typer.Typer(
     help="Drive a powered wheelchair by your own words, while sensors keep it from hitting things. "
     "Not a certified medical device: its stop is a protective stop.",
 )
+
+
+app.command()(run.run)
+app.command()(run.demo)
+app.command("plugins")(plugins.plugins)
 
 
 def main() -> None:

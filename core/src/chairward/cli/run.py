@@ -1,0 +1,253 @@
+"""`chairward run` and `chairward demo`: drive, with a live status line, and end with a summary."""
+
+from __future__ import annotations
+
+import json
+import logging
+import re
+import shutil
+import signal
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import platformdirs
+import typer
+from rich.console import Console
+from rich.live import Live
+from rich.logging import RichHandler
+from rich.table import Table
+from rich.text import Text
+
+from chairward import profile
+from chairward.facts import Decision, Instruction
+from chairward.messages import Way
+from chairward.plan import Part, Plan
+from chairward.plugins import PluginError, discover
+from chairward.records import Record
+from chairward.summary import Summary, against_truth
+from chairward.supervisor import RunError, Supervisor
+
+KEEP_RECORDINGS = 20
+LIVE_S = 0.1
+_SIGN = {
+    Instruction.WAY_CLEAR: ("●", "green"),
+    Instruction.GO_STRAIGHT: ("▲", "green"),
+    Instruction.TURN_LEFT: ("◀", "yellow"),
+    Instruction.TURN_RIGHT: ("▶", "yellow"),
+    Instruction.STOP: ("■", "red"),
+}
+
+Person = Annotated[str | None, typer.Option(help="people/NAME.toml or a path; default: the chair file's own")]
+Sets = Annotated[list[str] | None, typer.Option("--set", help="component.key=value, validated like the files")]
+For = Annotated[str | None, typer.Option("--for", help="how long, e.g. 30s or 2m; default: until Ctrl-C")]
+Headless = Annotated[bool, typer.Option(help="no live status line")]
+Json = Annotated[bool, typer.Option("--json", help="the summary as JSON on standard output")]
+Record_ = Annotated[Path | None, typer.Option("--record", help="where the recording goes (.mcap)")]
+NoRecord = Annotated[bool, typer.Option("--no-record", help="keep no recording")]
+
+
+def run(
+    chair: Annotated[str, typer.Option(help="chairs/NAME.toml or a path")],
+    person: Person = None,
+    sets: Sets = None,
+    for_: For = None,
+    headless: Headless = False,
+    as_json: Json = False,
+    record: Record_ = None,
+    no_record: NoRecord = False,
+) -> None:
+    """Drive the chair that the chair file describes. Ctrl-C stops the chair first."""
+    drive(
+        chair,
+        person,
+        sets or [],
+        for_,
+        headless=headless or as_json,
+        as_json=as_json,
+        record=None if no_record else record or default_recording(),
+    )
+
+
+def demo(
+    person: Person = None,
+    sets: Sets = None,
+    for_: For = None,
+    headless: Headless = False,
+    as_json: Json = False,
+    record: Record_ = None,
+    no_record: NoRecord = False,
+) -> None:
+    """Drive the simulated chair in a simulated home: no hardware is needed, and nothing bypasses the real path."""
+    run("sim", person, sets, for_, headless, as_json, record, no_record)
+
+
+def drive(
+    chair: str,
+    person: str | None,
+    sets: list[str],
+    for_: str | None,
+    *,
+    headless: bool,
+    as_json: bool,
+    record: Path | None,
+) -> None:
+    """Load, run, sum up; errors are one sentence on standard error and exit code 2."""
+    console = Console(stderr=True)
+    logging.basicConfig(
+        level=logging.WARNING, format="%(message)s", handlers=[RichHandler(console=console, show_path=False)]
+    )
+    try:
+        seconds = None if for_ is None else parse_seconds(for_)
+        plan = profile.load(chair, person, sets, discover())
+    except (ValueError, PluginError) as error:
+        console.print(f"chairward: {error}", style="red", markup=False, highlight=False)
+        raise typer.Exit(2) from None
+    if record is not None:
+        record.parent.mkdir(parents=True, exist_ok=True)
+        plan = replace(
+            plan, observers={**plan.observers, "recorder": Part("recorder", {"path": str(record.resolve())})}
+        )  # type: ignore[misc]
+    run_dir = Path(tempfile.mkdtemp(prefix="chairward-"))
+    try:
+        code, result = _run(plan, run_dir, seconds, console, headless=headless)
+    except RunError as error:
+        console.print(f"chairward: {error}", style="red", markup=False, highlight=False)
+        raise typer.Exit(2) from None
+    finally:
+        shutil.rmtree(run_dir, ignore_errors=True)
+    result["recording"] = str(record) if record else None
+    if as_json:
+        typer.echo(json.dumps(result, indent=1))
+    else:
+        console.print(_report(result))
+    raise typer.Exit(code)
+
+
+def _run(
+    plan: Plan, run_dir: Path, seconds: float | None, console: Console, *, headless: bool
+) -> tuple[int, dict[str, Any]]:
+    """One run under the supervisor; returns exit code and summary."""
+    summary = Summary(plan.limits)
+    shown = 0.0
+    live = None if headless or not console.is_terminal else Live(console=console, auto_refresh=False, transient=True)
+
+    def on_record(record: Record) -> None:
+        nonlocal shown
+        summary.add(record)
+        if live is not None and time.monotonic() - shown > LIVE_S:
+            shown = time.monotonic()
+            live.update(status_line(record), refresh=True)
+
+    supervisor = Supervisor(plan, run_dir, on_record)
+    with _signals(supervisor):
+        if not headless:
+            console.print(
+                f"{plan.person} drives '{plan.chair}' ({plan.kind.value}); Ctrl-C stops the chair.", highlight=False
+            )
+            console.print("Not a certified medical device: its stop is a protective stop.", style="dim")
+        if live is not None:
+            with live:
+                code = supervisor.run(seconds)
+        else:
+            code = supervisor.run(seconds)
+    result = {"chair": plan.chair, "person": plan.person, "drive": plan.drive.component, **summary.result()}
+    result["ended"] = supervisor.ended_reason
+    result["events"] = supervisor.events
+    result["lanes"] = {
+        name: {"items": lane.items, "dropped": lane.dropped + lane.dropped_before, "restarts": lane.deaths}
+        for name, lane in supervisor.lanes.items()
+    }
+    if supervisor.up is not None:
+        result["guard"] = {"fifo": supervisor.up.fifo, "memory_locked": supervisor.up.memory_locked}
+    if seen := against_truth(summary.seen, run_dir):
+        result["seen_against_truth"] = seen
+    for path in sorted(run_dir.glob("report-*.json")):
+        result[path.stem.removeprefix("report-")] = json.loads(path.read_text())
+    return code, result
+
+
+@contextmanager
+def _signals(supervisor: Supervisor) -> Iterator[None]:
+    """Ctrl-C and TERM ask for an orderly end: the chair first."""
+    before = {
+        number: signal.signal(number, lambda n, _: supervisor.stop(f"{signal.Signals(n).name} received"))
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def parse_seconds(text: str) -> float:
+    """ "30s", "2m", "1.5h" or plain seconds. Raises ValueError."""
+    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([smh]?)", text.strip())
+    if not found:
+        raise ValueError(f"--for {text}: not a duration; write for example 30s, 2m or 1h")
+    return float(found[1]) * {"": 1.0, "s": 1.0, "m": 60.0, "h": 3600.0}[found[2]]
+
+
+def default_recording() -> Path:
+    """A new file in the person's state folder; of the older ones the last few are kept."""
+    folder = Path(platformdirs.user_state_dir("chairward")) / "recordings"
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in sorted(folder.glob("*.mcap"))[: -KEEP_RECORDINGS + 1]:
+        old.unlink()
+    return folder / time.strftime("%Y-%m-%d-%H%M%S.mcap")
+
+
+def status_line(record: Record) -> Text:
+    """Instruction (shape, colour and words), distance, reason, speed, open ways, word, lease."""
+    decision = record.decision
+    shape, colour = _SIGN.get(decision.instruction, ("?", "white"))
+    text = Text()
+    text.append(f" {shape} {decision.instruction:<20}", style=f"bold {colour}")
+    near = "--" if decision.nearest_mm is None else f"{decision.nearest_mm}"
+    text.append(f" {near:>5} mm ")
+    text.append(f" {decision.motion.drive_mm_s:5.0f} mm/s {decision.motion.turn_deg_s:4.0f} deg/s ")
+    text.append(" ".join("^v<>"[list(Way).index(w)] for w in decision.open_ways).ljust(8), style="cyan")
+    word = decision.command.value if decision.command else "-"
+    text.append(f" {word:<7} {'▮' * round(decision.lease_left_s):<8}")
+    text.append(_reason(decision), style="dim")
+    return text
+
+
+def _reason(decision: Decision) -> str:
+    if decision.latch:
+        return decision.latch
+    if not decision.reasons:
+        return ""
+    first = decision.reasons[0]
+    return " ".join(filter(None, (first.rule, first.source, first.detail)))
+
+
+def _report(result: dict[str, Any]) -> Table:
+    """The summary for people."""
+    table = Table(title="Summary", show_header=False, title_justify="left")
+    table.add_row("ended", str(result["ended"]))
+    table.add_row("driven", f"{result['driven_m']} m in {result['seconds']} s")
+    heard = result["commands_heard"]
+    table.add_row("commands", f"{len(heard)} heard; obeyed: {', '.join(result['commands_obeyed']) or 'none'}")
+    for stop in result["protective_stops"]:
+        table.add_row("protective stop", f"at {stop['at_s']} s, {stop['nearest_mm']} mm: {'; '.join(stop['why'])}")
+    for latch in result["latched"]:
+        table.add_row("latched", latch)
+    table.add_row("nearest while driving", f"{result['nearest_while_driving_mm']} mm")
+    for name in ("tick_lateness_ms", "message_to_wire_ms", "reading_age_ms"):
+        if figures := result[name]:
+            table.add_row(name.replace("_", " "), f"p50 {figures['p50']}  p99 {figures['p99']}  max {figures['max']}")
+    table.add_row("late ticks (> 40 ms)", f"{result['late_ticks']} of {result['ticks']}")
+    table.add_row("missed records", str(result["missed_records"]))
+    for name, lane in result["lanes"].items():
+        table.add_row(f"lane {name}", f"{lane['items']} items, {lane['dropped']} dropped, {lane['restarts']} restarts")
+    for event in result["events"]:
+        table.add_row("event", event)
+    if result["recording"]:
+        table.add_row("recording", result["recording"])
+    return table
