@@ -24,12 +24,12 @@ def shown(value: object) -> str:
     return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 3] + "..."
 
 
-def at(raw: object, path: Sequence[int | str]) -> object:
+def at(raw: Any, path: Sequence[int | str]) -> object:
     """What stands at a path of keys and indices in nested TOML values; None when nothing does."""
     for step in path:
-        if isinstance(raw, Mapping) and step in raw:
-            raw = raw[step]
-        elif isinstance(raw, list) and isinstance(step, int) and 0 <= step < len(raw):
+        if (isinstance(raw, Mapping) and step in raw) or (
+            isinstance(raw, list) and isinstance(step, int) and 0 <= step < len(raw)
+        ):
             raw = raw[step]
         else:
             return None

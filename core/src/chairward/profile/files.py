@@ -29,11 +29,23 @@ class ProfileFile:
 
 @dataclass(frozen=True, slots=True)
 class Override:
-    """One `--set table.key=value`; table is "" for a key of the person ("drive", "language")."""
+    """One `--set table.key=value`; table is "" for a key of the person ("drive", "language").
+
+    key may be dotted ("rnet.takeover"): then it reaches into a table of the component's settings.
+    """
 
     table: str
     key: str
     value: Any
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The change as a table."""
+        value = self.value
+        *outer, first = reversed(self.key.split("."))
+        for step in outer:
+            value = {step: value}
+        return {first: value}
 
     @property
     def where(self) -> str:
@@ -105,7 +117,9 @@ def overrides(sets: Sequence[str]) -> list[Override]:
     result = []
     for text in sets:
         name, equals, value = text.partition("=")
-        table, _, key = name.strip().rpartition(".")
+        table, dot, key = name.strip().partition(".")
+        if not dot:
+            table, key = "", table
         if not equals or not key or (not table and key not in ("drive", "language")):
             raise ProfileError(f"--set {shown(text)}: write component.key=value, for example stereo_range.method=sgbm")
         result.append(Override(table, key, _value(value.strip())))

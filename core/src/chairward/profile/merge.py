@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Mapping
+from datetime import date, time
 from enum import Enum
 from typing import Any, TypeVar
 
@@ -51,7 +52,7 @@ def validated(model: type[M], raw: Mapping[str, Any], where: str) -> M:
     where: "chairs/sim.toml: limits." or "chairs/sim.toml: ", put before the key.
     """
     try:
-        return model.model_validate_json(json.dumps(raw, default=_no_dates), strict=True)
+        return model.model_validate_json(json.dumps(raw, default=_as_text), strict=True)
     except ValidationError as error:
         path, text = sentence(error, model, raw)
         start = where + dotted(path) if path else where.rstrip(": .")
@@ -76,11 +77,16 @@ def merge(chair: M, person: Mapping[str, Any], where: str) -> M:
 
 def bound(mark: Safer | None, chair: Any) -> str:
     """How an error names what the chair allows."""
-    value = ", ".join(sorted(map(str, chair))) if isinstance(chair, Collection) and not isinstance(chair, str) else chair
+    value = (
+        ", ".join(sorted(map(str, chair))) if isinstance(chair, Collection) and not isinstance(chair, str) else chair
+    )
     if mark is None:
         return f"but only the integrator may set this (the chair has {value}): remove the line"
     return f"but this chair allows {mark.value} {value}"
 
 
-def _no_dates(value: object) -> object:
-    raise ValueError(f"{shown(value)} is a {type(value).__name__}: numbers, strings, true/false, lists and tables only")
+def _as_text(value: object) -> str:
+    """TOML's dates and times as JSON has them."""
+    if isinstance(value, date | time):
+        return value.isoformat()
+    raise ValueError(f"{shown(value)} is a {type(value).__name__}, which no profile has")

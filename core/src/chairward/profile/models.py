@@ -91,7 +91,9 @@ class LimitsTable(Strict):
     arc_step_deg: Annotated[float, Safer.LOWER] = Field(
         default=15.0, gt=0, le=90, description="one word while driving turns so far"
     )
-    back_step_mm: Annotated[float, Safer.LOWER] = Field(default=300.0, gt=0, le=1000, description="one 'back' goes so far")
+    back_step_mm: Annotated[float, Safer.LOWER] = Field(
+        default=300.0, gt=0, le=1000, description="one 'back' goes so far"
+    )
     reverse_step_mm: Annotated[float, Safer.LOWER] = Field(
         default=300.0, gt=0, le=1000, description="one 'reverse' goes so far"
     )
@@ -132,8 +134,12 @@ class StoppingTable(Strict):
     watchdog_ms: int = Field(default=200, ge=0, le=1000, description="the controller stops this long after silence")
     sensing_ms: int = Field(default=26, ge=0, le=1000, description="from light on the sensor to its time stamp")
     closing_mm_s: int = Field(default=800, ge=0, le=3000, description="speed of somebody coming towards the chair")
-    sensor_range_mm: int = Field(default=2500, ge=600, le=20_000, description="an obstacle is seen from here at the latest")
-    sensor_error_mm: int = Field(default=50, ge=0, le=150, description="a reading near stop_mm is wrong by at most this")
+    sensor_range_mm: int = Field(
+        default=2500, ge=600, le=20_000, description="an obstacle is seen from here at the latest"
+    )
+    sensor_error_mm: int = Field(
+        default=50, ge=0, le=150, description="a reading near stop_mm is wrong by at most this"
+    )
 
 
 class LaneTable(Strict):

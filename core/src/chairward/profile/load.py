@@ -1,0 +1,327 @@
+"""Chair file + person file + `--set` -> Plan. All or nothing: a wrong file never half-loads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import degrees, hypot
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+
+from chairward.components import Component, Footprint, Pose
+from chairward.envelope import Caps
+from chairward.facts import MS, Limits
+from chairward.plan import ChairKind, LanePlan, Part, Plan
+from chairward.plugins import PluginError, Registry
+from chairward.profile import files, lanes, refusals
+from chairward.profile.errors import ProfileError
+from chairward.profile.files import Override, ProfileFile
+from chairward.profile.lanes import Lane, Votes
+from chairward.profile.merge import merge, validated
+from chairward.profile.models import Chair, LimitsTable, Person
+from chairward.profile.proof import Proof, prove
+from chairward.profile.settings import Layer, Slot, parts
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """A plan, its proof, and where each limit and setting came from ("limits.stop_mm" -> "people/asha.toml")."""
+
+    plan: Plan
+    proof: Proof
+    origin: dict[str, str]
+
+
+def load(
+    chair: str | Path,
+    person: str | Path | None,
+    sets: Sequence[str],
+    registry: Registry,
+    profiles_dir: Path | None = None,
+) -> Plan:
+    """The plan of a run. person None: the one the chair file names. Raises ProfileError."""
+    return load_traced(chair, person, sets, registry, profiles_dir).plan
+
+
+def read_chair(file: ProfileFile) -> Chair:
+    """A chair file's own checks. Raises ProfileError."""
+    chair = validated(Chair, file.values, f"{file.label}: ")
+    if file.path.stem != chair.name:
+        raise ProfileError(f"{file.label}: name = '{chair.name}': must be the file's name, '{file.path.stem}'")
+    return chair
+
+
+def read_person(file: ProfileFile) -> Person:
+    """A person file's own checks. Raises ProfileError."""
+    for key in file.values:
+        if key in Chair.model_fields and key not in Person.model_fields:
+            raise ProfileError(f"{file.label}: {key} is the integrator's alone, in the chair file: remove it")
+    person = validated(Person, file.values, f"{file.label}: ")
+    if file.path.stem != person.name:
+        raise ProfileError(f"{file.label}: name = '{person.name}': must be the file's name, '{file.path.stem}'")
+    return person
+
+
+def load_traced(
+    chair: str | Path,
+    person: str | Path | None,
+    sets: Sequence[str],
+    registry: Registry,
+    profiles_dir: Path | None = None,
+) -> Loaded:
+    """As `load`, with the proof and where the values came from."""
+    folder = files.directory(profiles_dir)
+    overrides = files.overrides(sets)
+    chair_file = files.read(files.find("chairs", chair, folder))
+    table = read_chair(chair_file)
+    if person is None and table.person is None:
+        known = ", ".join(files.names("people", folder)) or "none"
+        raise ProfileError(f"{chair_file.label}: names no person: say who drives (there: {known})")
+    person_file = files.read(files.find("people", person or str(table.person), folder))
+    rider = read_person(person_file)
+    if table.name not in rider.chairs:
+        raise ProfileError(
+            f"{person_file.label}: chair = {', '.join(rider.chairs)}, but this chair is '{table.name}': "
+            "add it there once it was tried with this person"
+        )
+    return _Loading(chair_file, table, person_file, rider, overrides, registry).result()
+
+
+class _Loading:
+    """One load: the files that were read, and the steps from them to a plan."""
+
+    def __init__(
+        self,
+        chair_file: ProfileFile,
+        chair: Chair,
+        person_file: ProfileFile,
+        person: Person,
+        overrides: Sequence[Override],
+        registry: Registry,
+    ) -> None:
+        self.chair_file, self.chair, self.label = chair_file, chair, chair_file.label
+        self.person_file, self.person, self.overrides = person_file, self._overridden(person, overrides), overrides
+        self.registry = registry
+
+    def result(self) -> Loaded:
+        """All checks, in the order in which their errors help most."""
+        limits = self._limits()
+        found = lanes.find(self.chair, self.registry, self.label)
+        drive = self._drive()
+        slots = self._slots(found, drive)
+        made = parts(slots, self.chair.choices, self.label)
+        votes = lanes.votes(found)
+        listens = any(kind == "recognizer" for lane in found for kind, _ in lane.stages)
+        refusals.words(self.person, self.person_file.label, self.chair, limits, listens=listens)
+        refusals.stop_device(self.label, votes)
+        refusals.covers_ahead(self.label, found)
+        refusals.ridden(self.chair, self.label, found, slots, made)
+        freshness = max(limit.freshness_ns for limit in votes.sensors.values()) // MS
+        proof = prove(limits, self.chair.stopping, freshness, self._limit_place)
+        by_place = {slot.where: part for slot, part in zip(slots, made, strict=True)}
+        plan = self._plan(found, drive, by_place, _limits(limits, self.chair, votes, proof))
+        return Loaded(plan, proof, self._origins(slots))
+
+    @staticmethod
+    def _overridden(person: Person, overrides: Sequence[Override]) -> Person:
+        """`--set drive=...` and `--set language=...`."""
+        raw = person.model_dump(mode="json")
+        for change in overrides:
+            if not change.table:
+                person = validated(Person, {**raw, change.key: change.value}, "--set ")
+                raw = person.model_dump(mode="json")
+        return person
+
+    def _limits(self) -> LimitsTable:
+        """The chair's limits, then the person's, then `--set limits.*` as a further wish of the person."""
+        limits = merge(self.chair.limits, self.person.limits, f"{self.person_file.label}: limits.")
+        sets = {change.key: change.value for change in self.overrides if change.table == "limits"}
+        return merge(self.chair.limits, {**self.person.limits, **sets}, "--set limits.") if sets else limits
+
+    def _limit_place(self, key: str) -> str:
+        """Where a limit's value stands, for errors of the proof."""
+        if any(change.table == "limits" and change.key == key for change in self.overrides):
+            return f"--set limits.{key}"
+        if key in self.person.limits:
+            return f"{self.person_file.label}: limits.{key}"
+        return f"{self.label}: {'limits' if key in LimitsTable.model_fields else 'stopping'}.{key}"
+
+    def _drive(self) -> str:
+        """The drive the person uses."""
+        offered = self.chair.drive
+        names = ", ".join(offered)
+        if self.person.drive is None:
+            if len(offered) > 1:
+                raise ProfileError(f"{self.person_file.label}: drive is missing: this chair offers {names}, choose one")
+            return next(iter(offered))
+        if self.person.drive not in offered:
+            changed = any(c.key == "drive" and not c.table for c in self.overrides)
+            place = "--set drive" if changed else f"{self.person_file.label}: drive"
+            raise ProfileError(f"{place} = '{self.person.drive}', but this chair offers only {names}")
+        return self.person.drive
+
+    def _component(self, kind: str, name: str, key: str) -> Component:
+        try:
+            return self.registry.get(kind, name)
+        except PluginError as error:
+            raise ProfileError(f"{self.label}: {key} = '{name}': {error}") from None
+
+    def _slots(self, found: Sequence[Lane], drive: str) -> list[Slot]:
+        """Every component of the chair with the layers of its settings."""
+        chair, slots = self.chair, []
+        for lane in found:
+            names = [lane.source.name, *lane.table.stages]
+            for name in lane.table.settings:
+                if name not in names:
+                    raise ProfileError(
+                        f"{self.label}: lane.{lane.name}.settings.{name}: this lane has no '{name}' "
+                        f"(it has: {', '.join(names)})"
+                    )
+            for component in (lane.source, *(c for _, c in lane.stages)):
+                own = lane.table.settings.get(component.name, {})
+                place = f"lane.{lane.name}.settings.{component.name}."
+                slots.append(self._slot(component, place, own, lane.name, f"lane.{lane.name}.{component.name}"))
+        for name, own in chair.drive.items():
+            if name == drive or name in self.registry.components["drive"]:
+                component = self._component("drive", name, "drive")
+                slots.append(self._slot(component, f"drive.{name}.", own, "", f"drive.{name}"))
+        for kind, tables in (("companion", chair.companion), ("observer", chair.observer)):
+            for name, part in tables.items():
+                if part.with_drive is not None and part.with_drive not in chair.drive:
+                    raise ProfileError(
+                        f"{self.label}: {kind}.{name}.with_drive = '{part.with_drive}', but this chair offers only "
+                        f"{', '.join(chair.drive)}"
+                    )
+                if part.with_drive in (None, drive):
+                    component = self._component(kind, part.component, f"{kind}.{name}.component")
+                    place = f"{kind}.{name}.settings."
+                    slots.append(self._slot(component, place, part.settings, "", f"{kind}.{name}"))
+        self._check_used(slots)
+        return slots
+
+    def _slot(self, component: Component, place: str, own: dict[str, Any], lane: str, where: str) -> Slot:
+        """The layers of one component, weakest first."""
+        name, chair_dir = component.name, self.chair_file.path.parent
+        layers = [
+            Layer(self.chair.settings.get(name, {}), f"{self.label}: settings.{name}.", chair_dir),
+            Layer(own, f"{self.label}: {place}", chair_dir),
+            Layer(
+                self.person.settings.get(name, {}),
+                f"{self.person_file.label}: settings.{name}.",
+                self.person_file.path.parent,
+                asks=True,
+            ),
+        ]
+        asks = self.chair.kind is ChairKind.CHAIR
+        layers += [
+            Layer(change.values, change.where, Path.cwd(), asks=asks)
+            for change in self.overrides
+            if change.table == name
+        ]
+        return Slot(component, tuple(layer for layer in layers if layer.values), where, lane)
+
+    def _check_used(self, slots: Sequence[Slot]) -> None:
+        """Settings of a component that is not in this chair are mistakes, not wishes."""
+        used = {slot.component.name for slot in slots}
+        offered = used | set(self.chair.drive) | {c.component for c in self.chair.companion.values()}
+        named = [(f"{self.label}: settings.{name}", name) for name in self.chair.settings]
+        named += [(f"{self.label}: choices.{name}", name) for name in self.chair.choices]
+        named += [(f"{self.person_file.label}: settings.{name}", name) for name in self.person.settings]
+        named += [(f"--set {c.table}.{c.key}", c.table) for c in self.overrides if c.table not in ("", "limits")]
+        for text, name in named:
+            if name not in offered:
+                raise ProfileError(
+                    f"{text}: this chair uses no component '{name}' (it uses: {', '.join(sorted(used))})"
+                )
+
+    def _plan(self, found: Sequence[Lane], drive: str, by_place: dict[str, Part], limits: Limits) -> Plan:
+        chair, person = self.chair, self.person
+        own = self.person_file.path.with_suffix("")
+        recordings = own if own.is_dir() else Path(platformdirs.user_data_path("chairward")) / "people" / person.name
+        return Plan(
+            chair=chair.name,
+            chair_file=str(self.chair_file.path),
+            kind=chair.kind,
+            person=person.name,
+            person_file=str(self.person_file.path),
+            person_dir=str(recordings),
+            language=person.language,
+            words={word: str(command) for word, command in person.words.items()},
+            footprint=Footprint(**chair.footprint.model_dump()),
+            limits=limits,
+            drive=by_place[f"drive.{drive}"],
+            lanes=tuple(
+                LanePlan(
+                    name=lane.name,
+                    source=by_place[f"lane.{lane.name}.{lane.source.name}"],
+                    stages=tuple(by_place[f"lane.{lane.name}.{stage}"] for stage in lane.table.stages),
+                    freshness_ns=lane.table.freshness_ms * MS,
+                    covers=lane.table.covers,
+                    pose=Pose(**lane.table.pose.model_dump()),
+                    may=lane.table.may,
+                    stop_device=lane.table.stop_device,
+                    ends_run=lane.table.ends_run,
+                )
+                for lane in found
+            ),
+            companions={n: by_place[f"companion.{n}"] for n in chair.companion if f"companion.{n}" in by_place},
+            observers={n: by_place[f"observer.{n}"] for n in chair.observer},
+        )
+
+    def _origins(self, slots: Sequence[Slot]) -> dict[str, str]:
+        """Where each limit and setting came from; what is not named is a default."""
+        origin = {}
+        for key in LimitsTable.model_fields:
+            place = self._limit_place(key)
+            if place.startswith(self.label) and key not in self.chair.limits.model_fields_set:
+                continue
+            origin[f"limits.{key}"] = place.partition(": ")[0] if ": " in place else "--set"
+        for slot in slots:
+            for layer in slot.layers:
+                for key in layer.values:
+                    origin[f"{slot.where}.{key}"] = layer.where.partition(": ")[0] if ": " in layer.where else "--set"
+        return origin
+
+
+def _limits(limits: LimitsTable, chair: Chair, votes: Votes, proof: Proof) -> Limits:
+    """What the rules work with."""
+    toes_mm = hypot(max(chair.footprint.front_mm, chair.footprint.rear_mm), chair.footprint.half_width_mm)
+    turn = float(limits.turn_deg_s)
+    unseen_turn = min(turn, degrees(limits.unseen_toe_mm_s / toes_mm))
+    forward, backward = float(limits.forward_mm_s), float(limits.backward_mm_s)
+    return Limits(
+        sensors=votes.sensors,
+        recognizers=votes.recognizers,
+        stop_devices=votes.stop_devices,
+        vetoers=votes.vetoers,
+        commands=limits.commands,
+        caps=Caps(forward, backward, turn, turn),
+        unseen=Caps(0.0, min(backward, float(limits.unseen_backward_mm_s)), unseen_turn, unseen_turn),
+        forward_mm_s=forward,
+        backward_mm_s=backward,
+        turn_deg_s=turn,
+        arc_mm_s=min(float(limits.arc_mm_s), forward),
+        stop_mm=limits.stop_mm,
+        avoid_mm=limits.avoid_mm,
+        avoid_mm_s=min(float(limits.avoid_mm_s), forward),
+        steer_deg_s=min(limits.steer_deg_s, turn),
+        near_loss_mm=limits.near_loss_mm,
+        crawl_mm_s=min(float(limits.crawl_mm_s), forward),
+        reaction_s=proof.reaction_s,
+        decel_mm_s2=proof.decel_mm_s2,
+        accel_mm_s2=float(limits.accel_mm_s2),
+        turn_accel_deg_s2=float(limits.turn_accel_deg_s2),
+        lease_s=limits.lease_s,
+        lease_warn_s=min(limits.lease_warn_s, limits.lease_s),
+        turn_step_deg=limits.turn_step_deg,
+        arc_step_deg=limits.arc_step_deg,
+        back_step_mm=limits.back_step_mm,
+        reverse_step_mm=limits.reverse_step_mm,
+        held_ns=limits.held_ms * MS,
+        drive_freshness_ns=limits.drive_freshness_ms * MS,
+        supervisor_freshness_ns=limits.supervisor_freshness_ms * MS,
+        latch_after_ns=limits.latch_after_ms * MS,
+        gap_limit_ns=limits.gap_limit_ms * MS,
+    )
