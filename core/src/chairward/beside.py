@@ -16,18 +16,9 @@ import msgspec
 
 from chairward import plan, wire
 from chairward.components import Companion, Observer, Pose
+from chairward.options import BesideOptions
 from chairward.plugins import discover
 from chairward.realtime import die_with_parent
-
-
-class BesideOptions(msgspec.Struct, frozen=True):
-    """What the supervisor tells it, as JSON; pipe: where a companion says "ready", where an observer gets records."""
-
-    plan: str
-    run_dir: str
-    kind: str
-    name: str
-    pipe: int
 
 
 def _companion(companion: Companion, ready_fd: int) -> int:

@@ -176,7 +176,7 @@ class Border:
 def _decode(data: bytes) -> Parcel:
     try:
         return decode_parcel(data)
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise Refusal(f"not a valid message: {error}"[:180]) from error
     except RecursionError as error:
         raise Refusal("not a valid message: nested too deeply") from error

@@ -120,7 +120,7 @@ class Bench:
 
 
 class Source(Protocol):
-    """Gives items (StereoFrame, AudioBlock, ...) or messages of its own (a sonar gives RangeReading), or a list of them.
+    """Gives items (StereoFrame, AudioBlock, ...) or messages of its own (a sonar: RangeReading), or a list of them.
 
     The sequence of its own messages goes on rising over close and open.
     """

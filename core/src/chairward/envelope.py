@@ -8,6 +8,7 @@ clipping component by component would straighten a curve into the obstacle it go
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from enum import IntEnum
 from math import inf
 from typing import NamedTuple
 
@@ -27,6 +28,17 @@ OPEN = Caps()
 CLOSED = Caps(0.0, 0.0, 0.0, 0.0)
 
 
+class Grip(IntEnum):
+    """What a vote does to the live wish when it closes the way that the wish wants."""
+
+    WAITS = 0
+    """A short gap: the chair stops, the wish goes on when the gap ends within its lease."""
+    SPENDS = 1
+    """A protective stop: the wish is spent, a new one moves the chair again."""
+    LATCHES = 2
+    """A fault: the chair is latched until RESET, then ARM."""
+
+
 class Envelope(NamedTuple):
     """A named vote: what `rule` allows because of `source`; `detail` is one short clause for people."""
 
@@ -34,6 +46,7 @@ class Envelope(NamedTuple):
     rule: str
     source: str = ""
     detail: str = ""
+    grip: Grip = Grip.SPENDS
 
 
 def meet(votes: Iterable[Envelope]) -> Caps:

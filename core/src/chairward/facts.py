@@ -11,6 +11,8 @@ from chairward.messages import Alive, Button, Command, DriveStatus, RangeReading
 
 MS = 1_000_000
 S = 1_000_000_000
+NOT_ARMED = "not armed yet"
+"""The latch that needs no RESET: ARM alone lifts it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,11 +78,11 @@ class SourceLimits:
 class Limits:
     """Chair and person merged: all that the rules may assume. Speeds mm/s and deg/s, distances mm from the footprint.
 
-    sensors, recognizers, stop_devices: every required vote by name. At least one recognizer *or* held device must be
-    well for motion; all stop devices must be (a chair file may name several).
+    sensors, recognizers, stop_devices, vetoers: every required vote by name; each must be fresh and well for motion.
     caps: never exceeded. wish_*: the person's own speeds. unseen: what a way without coverage may do at most (rule 10).
     reaction_s: from light on the sensor to torque at the wheel, silence and watchdog included (rule 3).
     decel_mm_s2: of the controlled stop, on the steepest slope allowed. accel_*: rising ramp.
+    turn_clear_mm: what the swinging corners and toes need beside and ahead of the outline to turn (rule 2).
     near_loss_mm: rule 6. crawl_mm_s: rule 5, only where an independent sensor covers. steer_deg_s: rule 4, 0 = off.
     lease_s, lease_warn_s, turn_step_deg, arc_step_deg, back_step_mm, reverse_step_mm: rule 7.
     held_ns: a held switch or stick must repeat within this. latch_after_ns: silence longer than this latches.
@@ -99,6 +101,7 @@ class Limits:
     turn_deg_s: float = 20.0
     arc_mm_s: float = 300.0
     stop_mm: int = 600
+    turn_clear_mm: int = 250
     avoid_mm: int = 750
     avoid_mm_s: float = 200.0
     steer_deg_s: float = 0.0
@@ -123,25 +126,34 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Near:
-    """An obstacle remembered by rule 6: last seen at distance_mm ahead by a sensor; travelled_mm back since then."""
+    """An obstacle remembered by rule 6: last seen ahead at distance_mm; backed off and turned by so much since then.
+
+    gone: it vanished without having receded, so it is held to be still there.
+    """
 
     distance_mm: int
     seen_ns: int
     backed_mm: float = 0.0
+    turned_deg: float = 0.0
+    gone: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class State:
     """All that one decision leaves to the next; small on purpose.
 
-    latch: "" or why the chair is latched (reset, then arm). armed: ARM was given since.
-    wish: the live wish, None when spent. step_left: degrees or millimetres still to go of a step.
+    latch: "" or why the chair may not move until ARM; needs_reset: a fault, so RESET must come before ARM.
+    armed: the controller has accepted motion since ARM; that it stops doing so is a fault.
+    wish: the live wish, None when spent. base: the forward wish that an arc step returns to.
+    step_left: degrees or millimetres still to go of a step.
     output, output_ns: what the last decision commanded. near: rule 6's memory by sensor.
     """
 
-    latch: str = "not armed yet"
+    latch: str = NOT_ARMED
+    needs_reset: bool = False
     armed: bool = False
     wish: Wish | None = None
+    base: Wish | None = None
     step_left: float = 0.0
     output: Motion = STILL
     output_ns: int = 0
@@ -192,3 +204,4 @@ class Decision:
     protective_stop: bool = False
     help: bool = False
     latch: str = ""
+    notes: tuple[str, ...] = ()

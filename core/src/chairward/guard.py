@@ -26,6 +26,7 @@ from chairward.border import Border
 from chairward.components import STILL, Drive, DriveError, Motion
 from chairward.facts import Decision, Facts, Limits, S, State
 from chairward.messages import DriveStatus
+from chairward.options import GuardOptions
 from chairward.plan import Plan
 from chairward.plugins import discover
 from chairward.realtime import claim, suspended_ns
@@ -281,16 +282,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     up = wire.GuardIsUp(os.getpid(), granted.fifo, granted.memory_locked, granted.why)
     wire.send_control(control, up)
     return guard.run()
-
-
-class GuardOptions(msgspec.Struct, frozen=True):
-    """What the supervisor tells the guard on its command line, as JSON."""
-
-    plan: str
-    run_dir: str
-    control: int
-    lanes: dict[str, int]
-    observers: list[int]
 
 
 if __name__ == "__main__":

@@ -19,23 +19,13 @@ from chairward import plan, wire
 from chairward.components import Bench, Component, Context, DeviceLost, EndOfInput, Processor, Source
 from chairward.frames import FrameWriter
 from chairward.messages import Ended, Lost, Message, Parcel
+from chairward.options import LaneOptions
 from chairward.plan import LanePlan, Part
 from chairward.plugins import Registry, discover
 from chairward.realtime import die_with_parent
 
 READ_TIMEOUT_S = 0.1
 BACK_OFF_S = (0.1, 0.2, 0.5, 1.0, 2.0)
-
-
-class LaneOptions(msgspec.Struct, frozen=True):
-    """What the supervisor tells a lane on its command line, as JSON: descriptors are inherited."""
-
-    plan: str
-    run_dir: str
-    lane: str
-    guard: int
-    control: int
-    frames: int = -1
 
 
 class Lane:

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import json
 import mmap
+import os
 import struct
 import time
 from pathlib import Path
 
 _HEAD = struct.Struct("<QI")
-_SPIN_LIMIT = 10_000
+_GIVE_UP_S = 0.1
 
 
 class SharedState:
@@ -62,12 +63,15 @@ class SharedState:
 
     def read(self) -> dict[str, float]:
         """All values of one write, never a mixture of two. Raises TimeoutError when the writer died in mid-write."""
-        for _ in range(_SPIN_LIMIT):
+        end = time.monotonic() + _GIVE_UP_S
+        while True:
             before = struct.unpack_from("<Q", self._map, 0)[0]
             values = self._pack.unpack_from(self._map, self._start)
             if before % 2 == 0 and before == struct.unpack_from("<Q", self._map, 0)[0]:
                 return dict(zip(self.names, values, strict=True))
-        raise TimeoutError(f"{self.path}: the writer stopped in the middle of a write")
+            if time.monotonic() > end:
+                raise TimeoutError(f"{self.path}: the writer stopped in the middle of a write")
+            os.sched_yield()
 
     def close(self) -> None:
         """Unmap; the file stays."""

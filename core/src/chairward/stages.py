@@ -91,7 +91,7 @@ class DisparityMap:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pane:
-    """A picture for people, any stage may put one: of each name (left, right, obstacle, disparity) the newest is shown."""
+    """A picture for people, from any stage; of each name (left, right, obstacle, disparity) the newest is shown."""
 
     name: str
     image: Image

@@ -21,9 +21,7 @@ from pathlib import Path
 import msgspec
 
 from chairward import frames, plan, records, wire
-from chairward.beside import BesideOptions
-from chairward.guard import GuardOptions
-from chairward.lane import LaneOptions
+from chairward.options import BesideOptions, GuardOptions, LaneOptions
 from chairward.plan import LanePlan, Plan
 
 log = logging.getLogger(__name__)

@@ -95,7 +95,7 @@ def encode_parcel(parcel: Parcel) -> bytes:
 
 
 def decode_parcel(data: bytes) -> Parcel:
-    """A parcel back. Raises msgspec.DecodeError, and RecursionError for deep nesting."""
+    """A parcel back. Raises msgspec.DecodeError, UnicodeDecodeError, and RecursionError for deep nesting."""
     return _parcel_decoder.decode(data)
 
 

@@ -109,9 +109,8 @@ def drive(
         raise typer.Exit(2) from None
     if record is not None:
         record.parent.mkdir(parents=True, exist_ok=True)
-        plan = replace(
-            plan, observers={**plan.observers, "recorder": Part("recorder", {"path": str(record.resolve())})}
-        )  # type: ignore[misc]
+        recorder = Part(component="recorder", settings={"path": str(record.resolve())})
+        plan = replace(plan, observers={**plan.observers, "recorder": recorder})
     run_dir = Path(tempfile.mkdtemp(prefix="chairward-"))
     try:
         code, result = _run(plan, run_dir, seconds, console, headless=headless)

@@ -1,0 +1,184 @@
+"""The border: what fails is counted, named and treated as silence; what passes becomes exactly one fact."""
+
+from __future__ import annotations
+
+import math
+import os
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from chairward.border import HEARD_LIMIT, Border
+from chairward.facts import MS, Facts
+from chairward.messages import (
+    Alive,
+    Button,
+    Command,
+    DriveStatus,
+    Ended,
+    Intent,
+    Lost,
+    Message,
+    Parcel,
+    Press,
+    RangeReading,
+    Stick,
+    Veto,
+)
+from chairward.plan import LanePlan, Part
+from chairward.wire import MAX_MESSAGE_BYTES, encode_parcel
+
+NOW = 10_000 * MS
+SONAR = "front/sonar"
+
+
+def border() -> Border:
+    return Border(
+        {
+            "front": LanePlan(name="front", source=Part(component="sonar"), stages=(Part(component="extra"),)),
+            "panel": LanePlan(name="panel", source=Part(component="keys"), may=frozenset({Button.STOP, Button.ARM})),
+        }
+    )
+
+
+def take(b: Border, message: Message, lane: str = "front", stage: str = "sonar", now: int = NOW) -> Facts:
+    b.take(lane, encode_parcel(Parcel(stage=stage, body=message)), now)
+    return facts(b, now)
+
+
+def facts(b: Border, now: int = NOW) -> Facts:
+    return b.facts(now, DriveStatus(at_ns=now, linked=True, armed=True), now, 0)
+
+
+def reading(seq: int = 1, captured_ns: int = NOW, **values: int) -> RangeReading:
+    return RangeReading(seq=seq, captured_ns=captured_ns, can_see=True, **values)  # type: ignore[arg-type]
+
+
+def test_a_valid_reading_becomes_a_fact_under_lane_and_stage() -> None:
+    assert take(border(), reading(ahead_mm=700)).ranges[SONAR][-1].ahead_mm == 700
+
+
+def test_only_the_last_three_readings_are_kept_oldest_first() -> None:
+    b = border()
+    for seq in range(1, 6):
+        take(b, reading(seq, ahead_mm=seq))
+    assert [r.ahead_mm for r in facts(b).ranges[SONAR]] == [3, 4, 5]
+
+
+@pytest.mark.parametrize(
+    ("raw", "says"),
+    [
+        (b"\xff\x00garbage", "not a valid message"),
+        (b"\x91" * 3000, "not a valid message"),
+        (b"x" * (MAX_MESSAGE_BYTES + 1), "more than"),
+        (b"", "not a valid message"),
+        (msgspec.msgpack.encode({"stage": "sonar", "body": {"type": "range"}}), "not a valid message"),
+    ],
+)
+def test_a_malformed_message_is_named_and_refreshes_nothing(raw: bytes, says: str) -> None:
+    b = border()
+    b.take("front", raw, NOW)
+    f = facts(b)
+    assert not f.ranges
+    assert says in next(iter(f.refused.values()))
+    assert sum(b.refused_count.values()) == 1
+
+
+@pytest.mark.parametrize("value", [-1, 20_001, math.nan, math.inf, "near", 1.5, True])
+def test_an_impossible_distance_is_refused(value: object) -> None:
+    b = border()
+    body = {"type": "range", "seq": 1, "captured_ns": NOW, "can_see": True, "ahead_mm": value}
+    b.take("front", msgspec.msgpack.encode({"stage": "sonar", "body": body}), NOW)
+    assert not facts(b).ranges
+
+
+def test_a_reading_from_the_future_is_refused_and_a_slightly_early_clock_is_not_rewarded() -> None:
+    b = border()
+    assert "future" in take(b, reading(captured_ns=NOW + 6 * MS)).refused[SONAR]
+    assert take(b, reading(captured_ns=NOW + 4 * MS)).ranges[SONAR][-1].captured_ns == NOW
+
+
+def test_a_sequence_that_does_not_rise_is_refused() -> None:
+    b = border()
+    take(b, reading(7, ahead_mm=900))
+    assert "sequence 7 after 7" in take(b, reading(7, ahead_mm=5000)).refused[SONAR]
+    assert "sequence 6 after 7" in take(b, reading(6, ahead_mm=5000)).refused[SONAR]
+    assert [r.ahead_mm for r in facts(b).ranges[SONAR]] == [900]
+
+
+def test_a_replaced_process_may_count_from_the_beginning_again() -> None:
+    b = border()
+    take(b, reading(7))
+    b.lane_lost("front", "its process was killed")
+    assert "killed" in facts(b).lost["front"]
+    b.lane_attached("front")
+    f = take(b, reading(1, ahead_mm=800))
+    assert f.ranges[SONAR][-1].ahead_mm == 800
+    assert not f.lost
+
+
+def test_a_stage_that_the_chair_file_does_not_name_is_not_heard() -> None:
+    f = take(border(), reading(), stage="impostor")
+    assert not f.ranges
+    assert "no stage 'impostor'" in f.refused["front/impostor"]
+
+
+def test_a_lane_may_press_only_what_the_chair_file_says() -> None:
+    b = border()
+    assert take(b, Press(seq=1, captured_ns=NOW, button=Button.ARM), "panel", "keys").pressed[0].button == Button.ARM
+    f = take(b, Press(seq=2, captured_ns=NOW, button=Button.RESET), "panel", "keys")
+    assert not f.pressed
+    assert "may not press RESET" in f.refused["panel/keys"]
+    assert not take(b, Press(seq=1, captured_ns=NOW, button=Button.STOP)).pressed
+
+
+def test_what_was_heard_and_pressed_is_handed_over_once_in_order() -> None:
+    b = border()
+    take_ = [Command.FRONT, Command.STOP]
+    for seq, command in enumerate(take_, 1):
+        b.take(
+            "front", encode_parcel(Parcel(stage="extra", body=Intent(seq=seq, captured_ns=NOW, command=command))), NOW
+        )
+    assert [w.command for w in facts(b).heard] == take_
+    assert facts(b).heard == ()
+
+
+def test_however_much_is_said_at_once_a_stop_is_never_the_one_dropped() -> None:
+    b = border()
+    for seq in range(1, HEARD_LIMIT + 5):
+        wish = Intent(seq=seq, captured_ns=NOW, command=Command.FRONT)
+        b.take("front", encode_parcel(Parcel(stage="extra", body=wish)), NOW)
+    f = take(b, Intent(seq=1000, captured_ns=NOW, command=Command.STOP), stage="extra")
+    assert f.heard[-1].command is Command.STOP
+
+
+def test_a_stick_is_a_held_wish_with_its_fractions() -> None:
+    wish = take(border(), Stick(seq=1, captured_ns=NOW, forward=0.5, left=-1.0)).heard[0]
+    assert (wish.held, wish.stick) == (True, (0.5, -1.0))
+
+
+@pytest.mark.parametrize("gone", [Lost(seq=0, captured_ns=NOW, reason="unplugged"), Ended(seq=0, captured_ns=NOW)])
+def test_a_lost_device_is_named_until_its_lane_speaks_again(gone: Message) -> None:
+    b = border()
+    assert "front" in take(b, gone).lost
+    assert "front" not in take(b, Alive(seq=1, captured_ns=NOW)).lost
+
+
+def test_a_veto_keeps_its_reason() -> None:
+    assert take(border(), Veto(seq=1, captured_ns=NOW, stop=True, reason="tilt")).vetoes[SONAR].reason == "tilt"
+
+
+@given(st.binary(max_size=300))
+def test_no_bytes_of_a_lane_ever_raise_or_refresh(raw: bytes) -> None:
+    b = border()
+    b.take("front", raw, NOW)
+    assert not facts(b).ranges
+
+
+def test_random_blobs_are_all_refused() -> None:
+    b = border()
+    for _ in range(2000):
+        b.take("front", os.urandom(24), NOW)
+    assert sum(b.refused_count.values()) == 2000
