@@ -1,0 +1,150 @@
+"""The stage `stereo_range`: StereoFrame in; rectified pair, disparity, floor and RangeReading out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from chairward.components import Bench, Context
+from chairward.messages import Message, RangeReading
+from chairward.stages import (
+    DisparityMap,
+    FloorMap,
+    Image,
+    ObstacleMap,
+    Pane,
+    RectifiedPair,
+    StereoFrame,
+    StereoGeometry,
+)
+from chairward_stereo_range import calibration_file, panes
+from chairward_stereo_range.finder import Measurement, Options, RangeFinder, reported_mm
+from chairward_stereo_range.geometry import make_view, scaled, working_size
+from chairward_stereo_range.settings import StereoRangeSettings
+
+
+def options_of(settings: StereoRangeSettings) -> Options:
+    """The measuring options that the settings name."""
+    thesis = settings.method in ("thesis_code", "thesis_text")
+    return Options(
+        method=settings.method,
+        region="trapezoid" if thesis else settings.region,
+        nearest_mm=settings.nearest_mm,
+        farthest_mm=settings.farthest_mm,
+        clearance_mm=settings.clearance_mm,
+        height_mm=settings.height_mm,
+        side_margin_mm=settings.side_margin_mm,
+        min_coverage=settings.min_coverage,
+    )
+
+
+class StereoRange:
+    """A chairward.components.Processor. Raises CalibrationError at start when the calibration file cannot be used."""
+
+    def __init__(self, settings: StereoRangeSettings, context: Context) -> None:
+        import cv2
+
+        cv2.setNumThreads(1)
+        self._settings, self._context = settings, context
+        self._options = options_of(settings)
+        self._calibration: calibration_file.Calibration | None = None
+        self._calibration_path = Path()
+        if settings.calibration is not None:
+            self._calibration_path = context.chair_dir / settings.calibration
+            self._calibration = calibration_file.load(self._calibration_path)
+        self._rectifier: calibration_file.Rectifier | None = None
+        self._finder: RangeFinder | None = None
+        self._source_geometry: StereoGeometry | None = None
+
+    def process(self, bench: Bench) -> Iterable[Message]:
+        """One reading for each pair; an empty bench (the source timed out) gives none, and so goes stale."""
+        frame = bench.get(StereoFrame)
+        if frame is None:
+            return ()
+        try:
+            pair = self._rectified(frame)
+        except calibration_file.CalibrationError as error:
+            return (self._blind(frame, str(error)),)
+        if pair is None:
+            return (self._blind(frame, "raw camera pictures, but no calibration file is set"),)
+        finder = self._finder_for(pair.geometry)
+        mask = bench.get(ObstacleMap)
+        found = finder.measure(pair.left, pair.right, None if mask is None else mask.mask)
+        bench.put(pair)
+        bench.put(DisparityMap(disparity_px=found.disparity, geometry=pair.geometry, captured_ns=frame.captured_ns))
+        bench.put(
+            FloorMap(
+                floor=found.floor,
+                obstacle=found.obstacle,
+                horizon_row=finder.horizon_row,
+                captured_ns=frame.captured_ns,
+            )
+        )
+        reading = self._reading(frame, found)
+        if self._settings.panes:
+            for name, picture in panes.draw(pair.left, pair.right, found, finder, self._context.stop_mm):
+                bench.put(Pane(name=name, image=picture, captured_ns=frame.captured_ns))
+        return (reading,)
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def _rectified(self, frame: StereoFrame) -> RectifiedPair | None:
+        height, width = frame.left.shape[:2]
+        if frame.geometry is not None:
+            size = working_size(width, height, self._settings.height_px)
+            left, right = _resized(frame.left, size), _resized(frame.right, size)
+            geometry = scaled(frame.geometry, *size)
+        elif self._calibration is not None:
+            if self._rectifier is None:
+                size = working_size(
+                    self._calibration.image_width_px, self._calibration.image_height_px, self._settings.height_px
+                )
+                self._rectifier = calibration_file.Rectifier(
+                    self._calibration, *size, source=str(self._calibration_path)
+                )
+            left, right = self._rectifier(frame.left, frame.right)
+            geometry = self._rectifier.geometry
+        else:
+            return None
+        return RectifiedPair(left=left, right=right, geometry=geometry, captured_ns=frame.captured_ns, seq=frame.seq)
+
+    def _finder_for(self, geometry: StereoGeometry) -> RangeFinder:
+        if self._finder is None or geometry != self._source_geometry:
+            view = make_view(geometry, self._context.pose, self._context.footprint)
+            self._finder, self._source_geometry = RangeFinder(view, self._options), geometry
+        return self._finder
+
+    def _reading(self, frame: StereoFrame, found: Measurement) -> RangeReading:
+        return RangeReading(
+            seq=frame.seq,
+            captured_ns=frame.captured_ns,
+            can_see=found.can_see,
+            ahead_mm=reported_mm(found.ahead) if found.can_see or found.ahead else None,
+            left_mm=reported_mm(found.left),
+            right_mm=reported_mm(found.right),
+            coverage=float(np.clip(found.coverage, 0.0, 1.0)),
+            confidence=float(np.clip(found.coverage, 0.0, 1.0)),
+            reason=found.reason[:200],
+        )
+
+    def _blind(self, frame: StereoFrame, reason: str) -> RangeReading:
+        return RangeReading(
+            seq=frame.seq,
+            captured_ns=frame.captured_ns,
+            can_see=False,
+            coverage=0.0,
+            confidence=0.0,
+            reason=reason[:200],
+        )
+
+
+def _resized(image: Image, size: tuple[int, int]) -> Image:
+    import cv2
+
+    if image.shape[1::-1] == size:
+        return image
+    how = cv2.INTER_AREA if size[1] < image.shape[0] else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(image, size, interpolation=how), np.uint8)
