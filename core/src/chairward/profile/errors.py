@@ -27,12 +27,11 @@ def shown(value: object) -> str:
 def at(raw: Any, path: Sequence[int | str]) -> object:
     """What stands at a path of keys and indices in nested TOML values; None when nothing does."""
     for step in path:
-        if (isinstance(raw, Mapping) and step in raw) or (
-            isinstance(raw, list) and isinstance(step, int) and 0 <= step < len(raw)
-        ):
-            raw = raw[step]
-        else:
+        if isinstance(raw, list):
+            raw = dict(enumerate(raw))
+        if not isinstance(raw, Mapping) or step not in raw:
             return None
+        raw = raw[step]
     return raw
 
 

@@ -71,6 +71,11 @@ def names(kind: Kind, folder: Path) -> list[str]:
     return sorted(path.stem for path in (folder / kind).glob("*.toml"))
 
 
+def is_name(text: str) -> bool:
+    """Can a profile be called so?"""
+    return re.fullmatch(r"[a-z0-9][a-z0-9_-]{0,39}", text) is not None
+
+
 def find(kind: Kind, given: str | Path, folder: Path) -> Path:
     """The file of a bare name ("sim") or of a path (with a slash or .toml). Raises ProfileError."""
     text = os.fspath(given)
@@ -80,7 +85,7 @@ def find(kind: Kind, given: str | Path, folder: Path) -> Path:
             raise ProfileError(f"{shown(text)}: there is no such file: check the path")
         return path
     path = folder / kind / f"{text}.toml"
-    if not re.fullmatch(r"[A-Za-z0-9_.-]+", text) or not path.is_file():
+    if not is_name(text) or not path.is_file():
         known = ", ".join(names(kind, folder)) or "none"
         raise ProfileError(f"there is no profile {shown(text)} in {folder / kind} (there: {known}): correct the name")
     return path

@@ -13,6 +13,7 @@ import platformdirs
 from chairward.components import Component, Footprint, Pose
 from chairward.envelope import Caps
 from chairward.facts import MS, Limits
+from chairward.messages import Command
 from chairward.plan import ChairKind, LanePlan, Part, Plan
 from chairward.plugins import PluginError, Registry
 from chairward.profile import files, lanes, refusals
@@ -87,6 +88,16 @@ def load_traced(
             "add it there once it was tried with this person"
         )
     return _Loading(chair_file, table, person_file, rider, overrides, registry).result()
+
+
+def check_chair(file: ProfileFile, registry: Registry) -> Proof:
+    """A chair file on its own: somebody who asks for nothing could drive it with each of its drives. ProfileError."""
+    chair = read_chair(file)
+    proofs = []
+    for drive in chair.drive:
+        nobody = Person(name="nobody", chair=chair.name, drive=drive, words={"stop": Command.STOP})
+        proofs.append(_Loading(file, chair, file, nobody, [], registry).result().proof)
+    return proofs[0]
 
 
 class _Loading:
