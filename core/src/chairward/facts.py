@@ -172,7 +172,7 @@ class Instruction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Why:
-    """One reason, for people and records: the rule, who raised it, and a clause ("front/stereo_range: 540 mm ahead")."""
+    """One reason, for people and records: the rule, who raised it, and a clause ("540 mm ahead")."""
 
     rule: str
     source: str = ""
