@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from chairward.cli import plugins, run, sim
+from chairward.cli import doctor, plugins, run, sim
 from chairward.plugins import discover
 
 app = typer.Typer(
@@ -22,6 +22,7 @@ app = typer.Typer(
 app.command()(run.run)
 app.command()(run.demo)
 app.command("plugins")(plugins.plugins)
+app.command("doctor")(doctor.doctor)
 
 
 def main() -> None:
@@ -29,7 +30,14 @@ def main() -> None:
     registry = discover()
     for refusal in registry.refused:
         typer.echo(f"chairward: plugin '{refusal.plugin}' is not in use: {refusal.reason}", err=True)
-    registry.manager.hook.chairward_commands(app=app)
+    for name, plugin in registry.manager.list_name_plugin():
+        add_commands = getattr(plugin, "chairward_commands", None)
+        if add_commands is None:
+            continue
+        try:
+            add_commands(app=app)
+        except Exception as error:  # noqa: BLE001 - one plugin's broken commands must not take the others away
+            typer.echo(f"chairward: commands of plugin '{name}' are not in use: {error}", err=True)
     if sim.app.registered_commands:
         app.add_typer(sim.app)
     app(prog_name="chairward")
