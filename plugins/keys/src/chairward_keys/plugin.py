@@ -2,4 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from chairward.components import Component, Context, Source
+from chairward.hookspecs import hookimpl
+from chairward.messages import Alive, Intent, Press
+from chairward_keys.settings import KeysSettings
+
 CHAIRWARD_API = 1
+
+
+def make(settings: KeysSettings, context: Context) -> Source:
+    """The source; nothing is opened yet."""
+    del context
+    from chairward_keys.source import Keys
+
+    return Keys(settings)
+
+
+@hookimpl
+def chairward_sources() -> Sequence[Component]:
+    """One source: a keyboard or switch as stop device and held switch."""
+    return [
+        Component(
+            name="keys",
+            settings=KeysSettings,
+            make=make,
+            gives=(Press, Intent, Alive),
+            summary="a keyboard or switch as stop device, arm and reset buttons, and held commands",
+        )
+    ]
