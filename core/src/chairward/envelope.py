@@ -51,10 +51,18 @@ class Envelope(NamedTuple):
 
 def meet(votes: Iterable[Envelope]) -> Caps:
     """The component-wise minimum of all votes; OPEN when there are none."""
-    caps = OPEN
+    forward, backward, left, right = OPEN
     for vote in votes:
-        caps = Caps(*map(min, caps, vote.caps))
-    return caps
+        f, b, le, r = vote.caps
+        if f < forward:
+            forward = f
+        if b < backward:
+            backward = b
+        if le < left:
+            left = le
+        if r < right:
+            right = r
+    return Caps(forward, backward, left, right)
 
 
 def scale(motion: Motion, caps: Caps) -> float:

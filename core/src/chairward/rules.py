@@ -1,7 +1,8 @@
 """The safety rules: small pure functions, each from a scene to votes. A rule can only take away.
 
-A vote that is not there takes nothing, so every rule here is written to be *lifted* by evidence, never granted by it:
-what a way may do at most comes from the chair file (rule 10), and each fact can only make that less.
+What a way may do at most is in the chair file (rule 10); every fact can only make that less. So no rule grants
+anything: it votes while it sees a reason, and a reason that is gone is a vote that is gone. Closing votes say how hard
+they grip the wish: WAITS (a short gap), SPENDS (a protective stop), LATCHES (a fault).
 """
 
 from __future__ import annotations
@@ -9,127 +10,59 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from itertools import chain
 from math import inf
-from typing import NamedTuple
 
 from chairward.envelope import CLOSED, OPEN, Caps, Envelope, Grip
-from chairward.facts import MS, Facts, Limits, State
-from chairward.messages import NOTHING_NEAR_MM, RangeReading, Way
+from chairward.facts import MS, Limits
+from chairward.messages import Way
+from chairward.scene import WAYS, WINDOW, Scene, Seen, lane
 from chairward.stopping import largest_speed_mm_s, stopping_distance_mm
 
 FUTURE_LIMIT_NS = 5 * MS
-WINDOW = 3
 CREEP_MM_S = 60.0
 CREEP_ROOM_MM = 100.0
 RUNAWAY_ROOM_MM = 150.0
 SUPERVISOR = "supervisor"
-WAYS = (Way.AHEAD, Way.BEHIND, Way.LEFT, Way.RIGHT)
-"""In the order of Caps."""
-ALL_WAYS = frozenset(WAYS)
-NO_FORWARD, NO_BACKWARD, NO_LEFT, NO_RIGHT = (OPEN._replace(**{field: 0.0}) for field in Caps._fields)
+NO_FORWARD, NO_BACKWARD, NO_LEFT, NO_RIGHT = (OPEN._replace(**{way: 0.0}) for way in Caps._fields)
 
 Votes = Iterator[Envelope]
 
 
-class Seen(NamedTuple):
-    """One sensor's last three readings, boiled down: the nearest each way (inf: says nothing) is the whole debounce.
-
-    Stop on any one of three, release on three of three. blind: how many of them could not see.
-    closing_mm_s: the fastest of them. left, right_mm: the sides, for steering.
-    """
-
-    source: str
-    ahead_mm: float
-    behind_mm: float
-    left_mm: float
-    right_mm: float
-    closing_mm_s: int
-    blind: int
-    reason: str
-
-
-class Scene(NamedTuple):
-    """All that a rule may look at."""
-
-    facts: Facts
-    state: State
-    limits: Limits
-    seen: tuple[Seen, ...]
-
-
-def look(facts: Facts, state: State, limits: Limits) -> Scene:
-    """The scene, with each sensor's readings boiled down once."""
-    return Scene(facts, state, limits, tuple(boil(name, window) for name, window in facts.ranges.items() if window))
-
-
-def boil(name: str, window: tuple[RangeReading, ...]) -> Seen:
-    """The nearest of the last readings, each way."""
-    ahead = behind = left = right = inf
-    closing = blind = 0
-    reason = ""
-    for r in window:
-        if r.ahead_mm is not None and r.ahead_mm < ahead:
-            ahead = r.ahead_mm
-        if r.behind_mm is not None and r.behind_mm < behind:
-            behind = r.behind_mm
-        if r.left_mm is not None and r.left_mm < left:
-            left = r.left_mm
-        if r.right_mm is not None and r.right_mm < right:
-            right = r.right_mm
-        if r.closing_mm_s > closing:
-            closing = r.closing_mm_s
-        if not r.can_see:
-            blind += 1
-            reason = r.reason
-    return Seen(name, ahead, behind, left, right, closing, blind, reason)
-
-
-def lane(source: str) -> str:
-    """The lane of a source: stages of one lane share a device and fall silent together."""
-    return source.partition("/")[0]
-
-
 # 1 -----------------------------------------------------------------------------------------------------------------
 def freshness(scene: Scene) -> Votes:
-    """Silence stops (P1): every required vote must be fresh and well, or all ways are closed.
+    """Silence stops (P1): every required vote is fresh and well, or all ways are closed.
 
-    Required: each sensor (three recent readings, for fewer must not allow more than three), each vetoing plugin, each
-    recognizer's and stop device's heartbeat, the controller, the supervisor, and the guard's own clock.
-    A short gap lets the wish wait; one longer than latch_after_ns latches. What is not in the chair file has no
-    freshness limit, so it can only close. Source: nav2 and twist_mux keep silent when their input dies.
+    Required: each sensor (three recent readings, for fewer must not allow more than three do), each vetoing plugin,
+    each recognizer's and stop device's heartbeat, the controller, the supervisor, the guard's own clock. A short gap
+    lets the wish wait; one longer than latch_after_ns latches. A source that the chair file does not know has no
+    limit by which its silence could be told, so it only closes. Source: peers.md lessons 3 and 4.
     """
     facts, _, limits, _ = scene
     for name, need in limits.sensors.items():
         window = facts.ranges.get(name, ())
-        late = _late(scene, name, window[-1].captured_ns if window else 0, need.freshness_ns)
-        if late:
+        if late := _late(scene, name, window[-1].captured_ns if window else 0, need.freshness_ns):
             yield late
         elif len(window) < WINDOW or facts.now_ns - window[0].captured_ns > WINDOW * need.freshness_ns:
             yield Envelope(CLOSED, "freshness", name, "fewer than three recent readings", Grip.WAITS)
     for name, need in limits.vetoers.items():
-        veto = facts.vetoes.get(name)
-        late = _late(scene, name, veto.captured_ns if veto else 0, need.freshness_ns)
-        if late:
+        veto_ = facts.vetoes.get(name)
+        if late := _late(scene, name, veto_.captured_ns if veto_ else 0, need.freshness_ns):
             yield late
-    for group in (limits.recognizers, limits.stop_devices):
-        for name, need in group.items():
-            alive = facts.alive.get(name)
-            late = _late(scene, name, alive.captured_ns if alive else 0, need.freshness_ns)
-            if late:
-                yield late
-            elif alive and not alive.well:
-                yield Envelope(CLOSED, "freshness", name, alive.reason or "is not well")
-    for late in (
-        _late(scene, "drive", facts.drive.at_ns, limits.drive_freshness_ns),
-        _late(scene, SUPERVISOR, facts.supervisor_ns, limits.supervisor_freshness_ns),
-    ):
-        if late:
+    for name, need in chain(limits.recognizers.items(), limits.stop_devices.items()):
+        alive = facts.alive.get(name)
+        if late := _late(scene, name, alive.captured_ns if alive else 0, need.freshness_ns):
             yield late
+        elif alive and not alive.well:
+            yield Envelope(CLOSED, "freshness", name, alive.reason or "is not well")
+    if late := _late(scene, "drive", facts.drive.at_ns, limits.drive_freshness_ns):
+        yield late
+    if late := _late(scene, SUPERVISOR, facts.supervisor_ns, limits.supervisor_freshness_ns):
+        yield late
     if facts.lost:
         required = {SUPERVISOR, *map(lane, _required(limits))}
         for name, sentence in facts.lost.items():
             if lane(name) in required:
                 yield Envelope(CLOSED, "freshness", name, sentence, Grip.WAITS)
-    for name in (facts.ranges.keys() - limits.sensors.keys()) | (facts.vetoes.keys() - limits.vetoers.keys()):
+    for name in sorted((facts.ranges.keys() - limits.sensors.keys()) | (facts.vetoes.keys() - limits.vetoers.keys())):
         yield Envelope(CLOSED, "freshness", name, "is not a sensor of the chair file")
     if facts.gap_ns > limits.gap_limit_ns:
         yield Envelope(CLOSED, "freshness", "guard", f"its clock jumped by {facts.gap_ns // MS} ms", Grip.LATCHES)
@@ -140,15 +73,15 @@ def _required(limits: Limits) -> Iterator[str]:
 
 
 def _late(scene: Scene, name: str, at_ns: int, freshness_ns: int) -> Envelope | None:
-    """A closing vote when `name` last said something too long ago (or, impossibly, in the future)."""
+    """A closing vote when `name` last said something too long ago, or (impossibly) in the future."""
     age_ns = scene.facts.now_ns - at_ns
     if -FUTURE_LIMIT_NS <= age_ns <= freshness_ns and at_ns:
         return None
     why = f"silent for {age_ns // MS} ms" if at_ns else "has said nothing yet"
     if name in scene.facts.refused:
         why += f"; refused: {scene.facts.refused[name]}"
-    gone = age_ns > max(freshness_ns, scene.limits.latch_after_ns) or not at_ns
-    return Envelope(CLOSED, "freshness", name, why, Grip.LATCHES if gone else Grip.WAITS)
+    long = age_ns > max(freshness_ns, scene.limits.latch_after_ns)
+    return Envelope(CLOSED, "freshness", name, why, Grip.LATCHES if long else Grip.WAITS)
 
 
 def veto(scene: Scene) -> Votes:
@@ -180,35 +113,36 @@ def stop_distance(scene: Scene) -> Votes:
 def approach_speed(scene: Scene) -> Votes:
     """Only as fast as the chair can still stop *before stop_mm*, all delays included.
 
-    room = nearest - stop_mm - closing speed * reaction; v such that v t + v^2 / 2a = room (see `stopping`).
-    That curve alone never arrives (the speed falls with the room), so while there is room and nothing comes nearer
-    the chair may creep at a speed whose own stopping distance is at most CREEP_ROOM_MM: it arrives, and the stop is
-    declared, in bounded time. A chair that runs too fast to stop within that margin (reported or commanded, the
-    larger) is stopped. Source: thesis section 9 wish "threshold follows the speed"; peers.md lesson 2.
+    room = nearest - stop_mm - closing speed * reaction; v such that v t + v^2 / 2a = room (`stopping`). That curve
+    never arrives (the speed falls with the room), so as long as there is room the chair may creep at a speed whose
+    own stopping distance is within CREEP_ROOM_MM: the stop is reached, and declared, in bounded time. A chair that
+    runs (reported or commanded, the larger) too fast to stop within RUNAWAY_ROOM_MM beyond the room is stopped.
+    Source: thesis wish "threshold follows the speed"; peers.md lesson 2; DESIGN rule 3.
     """
     facts, state, limits, seen = scene
-    t, a = limits.reaction_s, limits.decel_mm_s2
-    creep = min(CREEP_MM_S, largest_speed_mm_s(CREEP_ROOM_MM, t, a))
     reported = facts.drive.speed_mm_s or 0.0
+    forward = max(reported, state.output.drive_mm_s)
+    backward = -min(reported, state.output.drive_mm_s)
     for s in seen:
-        if s.ahead_mm < NOTHING_NEAR_MM:
-            room = s.ahead_mm - limits.stop_mm - s.closing_mm_s * t
-            speed = _speed(room, max(reported, state.output.drive_mm_s), creep, t, a)
-            yield Envelope(OPEN._replace(forward_mm_s=speed), "approach_speed", s.source, f"{s.ahead_mm:.0f} mm ahead")
-        if s.behind_mm < NOTHING_NEAR_MM:
-            room = s.behind_mm - limits.stop_mm
-            speed = _speed(room, -min(reported, state.output.drive_mm_s), creep, t, a)
-            yield Envelope(
-                OPEN._replace(backward_mm_s=speed), "approach_speed", s.source, f"{s.behind_mm:.0f} mm behind"
-            )
+        if s.ahead_mm < inf:
+            room = s.ahead_mm - limits.stop_mm - s.closing_mm_s * limits.reaction_s
+            cap = _approach_mm_s(room, forward, limits)
+            if cap < limits.caps.forward_mm_s:
+                caps = Caps(cap, inf, inf, inf)
+                yield Envelope(caps, "approach_speed", s.source, f"{s.ahead_mm:.0f} mm ahead")
+        if s.behind_mm < inf:
+            cap = _approach_mm_s(s.behind_mm - limits.stop_mm, backward, limits)
+            if cap < limits.caps.backward_mm_s:
+                caps = Caps(inf, cap, inf, inf)
+                yield Envelope(caps, "approach_speed", s.source, f"{s.behind_mm:.0f} mm behind")
 
 
-def _speed(room_mm: float, present_mm_s: float, creep_mm_s: float, reaction_s: float, decel_mm_s2: float) -> float:
-    if room_mm <= 0.0:
+def _approach_mm_s(room_mm: float, speed_mm_s: float, limits: Limits) -> float:
+    t, a = limits.reaction_s, limits.decel_mm_s2
+    if room_mm <= 0.0 or stopping_distance_mm(max(0.0, speed_mm_s), t, a) > room_mm + RUNAWAY_ROOM_MM:
         return 0.0
-    if present_mm_s > 0.0 and stopping_distance_mm(present_mm_s, reaction_s, decel_mm_s2) > room_mm + RUNAWAY_ROOM_MM:
-        return 0.0
-    return max(creep_mm_s, largest_speed_mm_s(room_mm, reaction_s, decel_mm_s2))
+    creep = min(CREEP_MM_S, largest_speed_mm_s(CREEP_ROOM_MM, t, a))
+    return max(creep, largest_speed_mm_s(room_mm, t, a))
 
 
 # 4 -----------------------------------------------------------------------------------------------------------------
@@ -217,8 +151,8 @@ def avoid(scene: Scene) -> Votes:
     limits = scene.limits
     for s in scene.seen:
         if limits.stop_mm < s.ahead_mm <= limits.avoid_mm:
-            cap = OPEN._replace(forward_mm_s=limits.avoid_mm_s)
-            yield Envelope(cap, "avoid", s.source, f"{s.ahead_mm:.0f} mm ahead")
+            caps = Caps(limits.avoid_mm_s, inf, inf, inf)
+            yield Envelope(caps, "avoid", s.source, f"{s.ahead_mm:.0f} mm ahead")
 
 
 def freer_side(scene: Scene) -> float:
@@ -268,7 +202,7 @@ def _only(caps: Caps, ways: frozenset[Way]) -> Caps:
 def near_loss(scene: Scene) -> Votes:
     """What was near and vanished without receding is still there (under the camera's view): no way ahead.
 
-    Lifted by backing off, by turning away, or by RESET at a standstill. The memory is kept by `remember`.
+    Lifted by backing off, by turning away, or by RESET at a standstill; `memory` keeps count.
     """
     for name, near in scene.state.near.items():
         if near.gone:
@@ -293,19 +227,20 @@ def latch(scene: Scene) -> Votes:
 
 # 9 -----------------------------------------------------------------------------------------------------------------
 def drive_health(scene: Scene) -> Votes:
-    """The controller is linked, without fault, accepts motion, is not charging, and nobody stops it by its own input.
+    """The controller is linked, faultless, accepts motion, does not charge, and nobody stops it by its own input.
 
-    Lost link, fault and a controller that disarmed by itself latch. Source: ISO 7176-14 7.2, 7.3, 8.9.
+    A link, health or acceptance that is lost *after* the controller had accepted motion latches; before that there is
+    nothing to lose, and ARM may be what clears a controller's fault. Source: ISO 7176-14 7.2, 7.3, 8.3, 8.9.
     """
     drive = scene.facts.drive
+    grip = Grip.LATCHES if scene.state.armed else Grip.SPENDS
     if not drive.linked:
-        yield Envelope(CLOSED, "drive_health", "drive", drive.fault or "the controller is not connected", Grip.LATCHES)
+        yield Envelope(CLOSED, "drive_health", "drive", drive.fault or "the controller is not connected", grip)
     elif drive.fault:
-        yield Envelope(CLOSED, "drive_health", "drive", drive.fault, Grip.LATCHES)
+        yield Envelope(CLOSED, "drive_health", "drive", drive.fault, grip)
     elif not drive.armed:
-        grip = Grip.LATCHES if scene.state.armed else Grip.SPENDS
-        why = "the controller no longer accepts motion" if scene.state.armed else "the controller is not armed yet"
-        yield Envelope(CLOSED, "drive_health", "drive", why, grip)
+        accepts = "no longer accepts motion" if scene.state.armed else "does not accept motion yet"
+        yield Envelope(CLOSED, "drive_health", "drive", f"the controller {accepts}", grip)
     if drive.stopped_by_user:
         yield Envelope(CLOSED, "drive_health", "drive", "stopped at the controller or by its own joystick")
     if drive.charging:
@@ -319,10 +254,10 @@ def direction(scene: Scene) -> Votes:
     Only declared coverage counts, never a live reading, so a sensor that appears opens nothing.
     """
     limits = scene.limits
-    yield Envelope(limits.caps, "direction", "", "the chair's limit")
-    covered = frozenset[Way]().union(*(need.covers for need in limits.sensors.values()))
-    if len(covered) < len(WAYS):
-        yield Envelope(_only(limits.unseen, ALL_WAYS - covered), "direction", "", "no sensor watches that way")
+    yield Envelope(limits.caps, "direction", "", "the chair's own limit")
+    unwatched = frozenset(WAYS).difference(*[need.covers for need in limits.sensors.values()])
+    if unwatched:
+        yield Envelope(_only(limits.unseen, unwatched), "direction", "", "no sensor watches that way")
 
 
 RULES: tuple[Callable[[Scene], Votes], ...] = (

@@ -1,0 +1,125 @@
+"""What the person wants: words as leases and steps, held switches, sticks; STOP before everything else (rule 7).
+
+A word lives for its lease, whatever happens; steps (turns, backing) also end when they are done; a held switch lives
+until it should have repeated. A wish that is spent never comes back: only a new one moves the chair.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from chairward.components import STILL, Motion
+from chairward.facts import Facts, Limits, S, State, Wish
+from chairward.messages import Button, Command
+
+TURNS = (Command.LEFT, Command.RIGHT)
+
+
+def travel(state: State, facts: Facts, limits: Limits, dt_s: float) -> State:
+    """dt_s has passed: leases run out, steps come nearer to their end, an arc gives way to the drive it bent."""
+    wish, base = state.wish, state.base
+    if wish is None:
+        return state
+    if base and not live(base, facts, limits):
+        return replace(state, wish=None, base=None)
+    left = state.step_left - (0.0 if wish.held else _moved(wish, state, facts) * dt_s)
+    if not live(wish, facts, limits) or (state.step_left > 0.0 and left <= 0.0):
+        return replace(state, wish=base, base=None, step_left=0.0)
+    return replace(state, step_left=left) if state.step_left > 0.0 else state
+
+
+def live(wish: Wish, facts: Facts, limits: Limits) -> bool:
+    """Within its lease, or for a held switch within the time in which it must repeat."""
+    return facts.now_ns - wish.at_ns <= (limits.held_ns if wish.held else limits.lease_s * S)
+
+
+def _moved(wish: Wish, state: State, facts: Facts) -> float:
+    """The rate at which a step is used up: the larger of commanded and reported, so that every step ends."""
+    drive, turn = state.output
+    if wish.command in TURNS:
+        return max(abs(turn), abs(facts.drive.turn_deg_s or 0.0))
+    return max(abs(drive), abs(facts.drive.speed_mm_s or 0.0))
+
+
+def listen(state: State, facts: Facts, limits: Limits) -> tuple[State, tuple[str, ...]]:
+    """What was heard and pressed since the last decision, and what of it was not obeyed and why.
+
+    A STOP among it beats all the rest: the word spends the wish, the button latches as well (ARM lifts it).
+    """
+    for pressed in facts.pressed:
+        if pressed.button is Button.STOP:
+            latch = state.latch if state.needs_reset else f"STOP was pressed ({pressed.source})"
+            return replace(state, latch=latch, wish=None, base=None), ()
+    if any(wish.command is Command.STOP for wish in facts.heard):
+        return replace(state, wish=None, base=None), ()
+    notes = []
+    for wish in facts.heard:
+        if wish.command is Command.HELP:
+            continue
+        if wish.command not in limits.commands:
+            notes.append(f"{wish.source}: '{wish.command}' is not one of this person's commands")
+        elif state.latch:
+            notes.append(f"{wish.source}: '{wish.command}' is not obeyed: {state.latch}")
+        else:
+            state = hear(state, wish, limits)
+    if state.wish and any(pressed.button is Button.HOLD for pressed in facts.pressed):
+        state = _hold(state, facts.now_ns)
+    return state, tuple(notes)
+
+
+def hear(state: State, wish: Wish, limits: Limits) -> State:
+    """One new wish takes the place of the old.
+
+    Except: a word does not override a live held switch of another source, and a stick at rest ends only its own wish.
+    A turn during a forward wish is an arc that returns to it; otherwise it is a step on the spot.
+    """
+    old = state.wish
+    if old and old.held and not wish.held and old.source != wish.source:
+        return state
+    if wish.stick == (0.0, 0.0):
+        return replace(state, wish=None, base=None) if old and old.source == wish.source else state
+    if wish.command in TURNS:
+        forward = state.base or (old if old and old.command is Command.FRONT and old.stick is None else None)
+        if forward and not wish.held:
+            return replace(state, wish=wish, base=forward, step_left=limits.arc_step_deg)
+        return replace(state, wish=wish, base=None, step_left=limits.turn_step_deg)
+    step = {Command.BACK: limits.back_step_mm, Command.REVERSE: limits.reverse_step_mm}.get(wish.command, 0.0)
+    return replace(state, wish=wish, base=None, step_left=step)
+
+
+def _hold(state: State, now_ns: int) -> State:
+    """HOLD turns the live word into a held one: it goes on while HOLD repeats, past its lease, and ends on release."""
+    if state.base:
+        return replace(state, base=replace(state.base, held=True, at_ns=now_ns))
+    return replace(state, wish=state.wish and replace(state.wish, held=True, at_ns=now_ns))
+
+
+def motion_of(state: State, limits: Limits) -> Motion:
+    """The motion that the live wish asks for, before any vote."""
+    wish = state.wish
+    if wish is None:
+        return STILL
+    if wish.stick is not None:
+        forward, left = wish.stick
+        speed = limits.forward_mm_s if forward > 0.0 else limits.backward_mm_s
+        return Motion(forward * speed, left * limits.turn_deg_s)
+    if wish.command in TURNS:
+        turn = limits.turn_deg_s if wish.command is Command.LEFT else -limits.turn_deg_s
+        return Motion(limits.arc_mm_s if state.base else 0.0, turn)
+    if wish.command in (Command.BACK, Command.REVERSE):
+        return Motion(-limits.backward_mm_s, 0.0)
+    return Motion(limits.forward_mm_s, 0.0)
+
+
+def wants_forward(state: State) -> bool:
+    """A forward wish is live, bent by an arc or not."""
+    wish = state.base or state.wish
+    return wish is not None and wish.command is Command.FRONT
+
+
+def lease_left_s(state: State, facts: Facts, limits: Limits) -> float:
+    """Seconds until the forward word runs out; 0 for steps and held switches."""
+    wish = state.base or state.wish
+    if wish is None or wish.held or wish.command is not Command.FRONT:
+        return 0.0
+    return max(0.0, limits.lease_s - (facts.now_ns - wish.at_ns) / S)
