@@ -8,13 +8,15 @@ that was cut gives everything before the cut. Channel "records" holds msgpack of
 
 from __future__ import annotations
 
+import struct
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import msgspec
-from mcap.exceptions import McapError
+import zstandard
+from mcap.exceptions import InvalidMagic, McapError
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
@@ -76,17 +78,18 @@ class Recorder:
 
 def read(path: Path) -> Iterator[Record]:
     """The records of a file, in order; of a file that was cut, all before the cut. Raises OSError, McapError."""
-    topics: dict[int, str] = {}
     with path.open("rb") as file:
+        topics: dict[int, str] = {}
         try:
-            for item in StreamReader(file, skip_magic=False).records:
+            for item in StreamReader(file).records:
                 if isinstance(item, Channel):
                     topics[item.id] = item.topic
                 elif isinstance(item, Message) and topics.get(item.channel_id) == RECORDS_TOPIC:
                     yield records.decode(item.data)
-        except (McapError, EOFError, ValueError) as error:
-            if not topics:
-                raise McapError(f"{path}: not a recording ({error})") from error
+        except InvalidMagic as error:
+            raise McapError(f"{path}: not a recording ({error})") from error
+        except (McapError, EOFError, ValueError, struct.error, zstandard.ZstdError):
+            return  # the file was cut here
 
 
 def _decision_schema() -> bytes:

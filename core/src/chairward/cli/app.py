@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from chairward.cli import doctor, plugins, profile, run, sim
+from chairward.cli import doctor, plugins, profile, replay, run, sim
 from chairward.plugins import discover
 
 app = typer.Typer(
@@ -23,6 +23,7 @@ app.command()(run.run)
 app.command()(run.demo)
 app.command("plugins")(plugins.plugins)
 app.command("doctor")(doctor.doctor)
+app.command("replay")(replay.replay)
 app.add_typer(profile.app, name="profile")
 
 

@@ -1,0 +1,185 @@
+"""A whole chair in real processes for the fault tests: zoo citizens as lanes, the real serial drive, a simulated PIC.
+
+The tests look at the *pins* that the simulated controller publishes, not at what the guard says it did.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from chairward import profile
+from chairward.plan import Plan
+from chairward.plugins import discover
+from chairward.records import Record
+from chairward.shared_state import SharedState
+from chairward.supervisor import Supervisor
+
+CHAIR = """
+name = "zoo"
+kind = "simulator"
+[footprint]
+front_mm = 450
+rear_mm = 450
+half_width_mm = 300
+[limits]
+supervisor_freshness_ms = 200
+[lane.front]
+source = "range_citizen"
+freshness_ms = 200
+covers = ["ahead", "left", "right"]
+[lane.voice]
+source = "voice_citizen"
+freshness_ms = 300
+settings.voice_citizen = { period_ms = 50 }
+[lane.panel]
+source = "panel_citizen"
+freshness_ms = 300
+stop_device = true
+may = ["stop", "arm", "reset"]
+settings.panel_citizen = { period_ms = 50 }
+[drive.pic_serial]
+port = "{run}/pic"
+[companion.pic]
+component = "sim_pic"
+"""
+
+PERSON = """
+name = "keeper"
+chair = "zoo"
+drive = "pic_serial"
+[words]
+front = "front"
+stop = "stop"
+"""
+
+MS = 1_000_000
+
+
+@dataclass(slots=True)
+class Rig:
+    """The running chair. `records` holds everything the guard published."""
+
+    run_dir: Path
+    supervisor: Supervisor
+    records: list[Record] = field(default_factory=list)
+    thread: threading.Thread | None = None
+    code: int | None = None
+    error: BaseException | None = None
+
+    def wait(self, condition: Callable[[], bool], what: str, seconds: float = 40.0) -> None:
+        """Wait for something to become true; fails with `what` and the log of the run."""
+        end = time.monotonic() + seconds
+        while not condition():
+            if self.error is not None:
+                raise AssertionError(f"the run failed while waiting for {what}: {self.error}") from self.error
+            if time.monotonic() > end:
+                raise AssertionError(f"waited {seconds:.0f} s for {what}\n{self.story()}")
+            time.sleep(0.002)
+
+    def story(self) -> str:
+        """What can be told of the run: events, the last decision, the processes' logs."""
+        last = self.records[-1] if self.records else None
+        logs = [f"-- {p.name}\n{p.read_text(errors='replace')[-1500:]}" for p in sorted(self.run_dir.glob("*.log"))]
+        return "\n".join([f"events: {self.supervisor.events}", f"last: {last and (last.decision, last.facts)}", *logs])
+
+    def driving(self) -> bool:
+        """The guard commands motion, and the pins turn the wheels."""
+        return bool(self.records) and self.records[-1].decision.motion.drive_mm_s > 50.0 and self.duty() > 0.0
+
+    def duty(self) -> float:
+        """The drive motor's duty at the controller's pins, 0..1; 0 when its brake is on."""
+        path = self.run_dir / "pins"
+        if not path.exists():
+            return 0.0
+        pins = SharedState.attach(path)
+        try:
+            values = pins.read()
+        finally:
+            pins.close()
+        return 0.0 if values["brake"] else values["drive_duty"]
+
+    def first_still_after(self, when_ns: int) -> Record | None:
+        """The first decision at or after `when_ns` that commands no motion."""
+        return next(
+            (r for r in list(self.records) if r.facts.now_ns >= when_ns and r.decision.motion == (0.0, 0.0)), None
+        )
+
+    def misbehave(self, lane: str, how: str) -> int:
+        """Let the citizen of `lane` turn; returns when, CLOCK_MONOTONIC."""
+        part = self.run_dir / f".turn-{lane}"
+        part.write_text(how)
+        now = time.monotonic_ns()
+        part.rename(self.run_dir / f"turn-{lane}")
+        return now
+
+    def behave(self, lane: str) -> None:
+        """Let the citizen of `lane` be good again (in its next process, if need be)."""
+        (self.run_dir / f"turn-{lane}").unlink(missing_ok=True)
+
+    def pid(self, name: str) -> int:
+        """Of "guard", a lane or a companion."""
+        if name == "guard":
+            assert self.supervisor._guard is not None
+            return self.supervisor._guard.pid
+        if name in self.supervisor.companions:
+            return self.supervisor.companions[name].pid
+        return self.supervisor.lanes[name].process.pid
+
+    def reasons(self, since_ns: int) -> str:
+        """All that people were told since then."""
+        said: list[str] = []
+        for r in list(self.records):
+            if r.facts.now_ns >= since_ns:
+                said += [f"{w.rule} {w.source} {w.detail}" for w in r.decision.reasons]
+                said += [r.decision.latch, *r.decision.notes]
+                said += [f"{source}: {why}" for source, why in r.facts.lost.items()]
+        return "\n".join([*sorted(set(said)), *self.supervisor.events])
+
+
+def load(folder: Path, chair: str = CHAIR, sets: tuple[str, ...] = ()) -> Plan:
+    """The zoo's plan, through the real loader."""
+    (folder / "chairs").mkdir(exist_ok=True)
+    (folder / "people").mkdir(exist_ok=True)
+    (folder / "chairs" / "zoo.toml").write_text(chair)
+    (folder / "people" / "keeper.toml").write_text(PERSON)
+    return profile.load("zoo", "keeper", list(sets), discover(), profiles_dir=folder)
+
+
+@contextmanager
+def running(plan: Plan, run_dir: Path, *, until_driving: bool = True) -> Iterator[Rig]:
+    """Start everything, wait until the chair drives, and end everything."""
+    run_dir.mkdir(mode=0o700, exist_ok=True)
+    rig = Rig(run_dir, Supervisor(plan, run_dir, lambda record: None))
+    rig.supervisor.on_record = rig.records.append
+
+    def work() -> None:
+        try:
+            rig.code = rig.supervisor.run()
+        except BaseException as error:  # handed to the test, which fails with it
+            rig.error = error
+
+    rig.thread = threading.Thread(target=work, name="supervisor")
+    rig.thread.start()
+    try:
+        if until_driving:
+            rig.wait(rig.driving, "the chair to drive")
+        yield rig
+    finally:
+        rig.supervisor.stop("the test is over")
+        rig.thread.join(30.0)
+        assert not rig.thread.is_alive(), f"the supervisor did not end\n{rig.story()}"
+
+
+def alive(pid: int) -> bool:
+    """Whether that process still exists."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
