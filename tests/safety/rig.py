@@ -161,7 +161,7 @@ def running(plan: Plan, run_dir: Path, *, until_driving: bool = True) -> Iterato
     def work() -> None:
         try:
             rig.code = rig.supervisor.run()
-        except BaseException as error:  # handed to the test, which fails with it
+        except Exception as error:  # noqa: BLE001 - whatever it is, the waiting test fails with it
             rig.error = error
 
     rig.thread = threading.Thread(target=work, name="supervisor")

@@ -1,4 +1,4 @@
-"""P1 in real processes: whatever dies or falls silent while the chair drives, the wheels stop in time, and it is named."""
+"""P1 in real processes: what dies or falls silent while the chair drives stops the wheels in time, and is named."""
 
 from __future__ import annotations
 

@@ -32,6 +32,8 @@ LANE_START_S = 90.0
 LANE_HANG_S = 5.0
 GUARD_LEAVES_S = 5.0
 BACK_OFF_S = (0.2, 0.5, 1.0, 2.0, 5.0)
+FORGIVEN_S = 10.0
+"""A lane that has worked this long is started again at once when it dies the next time."""
 RECORD_BUFFER_BYTES = 4 * 1024 * 1024
 
 
@@ -53,6 +55,7 @@ class LaneProcess:
     dropped: int = 0
     dropped_before: int = 0
     deaths: int = 0
+    deaths_in_a_row: int = 0
     restart_at_s: float = 0.0
     ended: bool = False
 
@@ -257,8 +260,11 @@ class Supervisor:
         if code is None:
             os.killpg(lane.process.pid, signal.SIGKILL)
             lane.process.wait()
-        pause_s = BACK_OFF_S[min(lane.deaths, len(BACK_OFF_S) - 1)]
+        if now - lane.started_s > FORGIVEN_S:
+            lane.deaths_in_a_row = 0
+        pause_s = BACK_OFF_S[min(lane.deaths_in_a_row, len(BACK_OFF_S) - 1)]
         lane.deaths += 1
+        lane.deaths_in_a_row += 1
         lane.restart_at_s = now + pause_s
         self._note(f"lane '{lane.plan.name}': {reason}; starting it again in {pause_s:g} s")
         assert self._control is not None
