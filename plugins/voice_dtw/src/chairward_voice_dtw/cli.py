@@ -1,0 +1,232 @@
+"""`chairward words ...`: record, import, list, test and evaluate a person's words."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any, get_args
+
+import typer
+
+from chairward_voice_dtw.settings import EngineName, VoiceSettings
+
+words = typer.Typer(help="A person's own words: record, import, list, try, evaluate.", no_args_is_help=True)
+
+Person = Annotated[str, typer.Option("--person", help="whose words")]
+Folder = Annotated[
+    Path | None, typer.Option("--dir", help="folder of the person's recordings (default: the user's data folder)")
+]
+
+
+def person_dir(person: str, folder: Path | None) -> Path:
+    """Where a person's recordings are kept: what `chairward.profile` uses too."""
+    if folder is not None:
+        return folder
+    import platformdirs
+
+    return Path(platformdirs.user_data_dir("chairward")) / "people" / person
+
+
+def fail(error: Exception) -> typer.Exit:
+    """One sentence on stderr, exit code 1."""
+    typer.echo(f"chairward words: {error}", err=True)
+    return typer.Exit(1)
+
+
+@words.command("list")
+def list_words(person: Person, folder: Folder = None) -> None:
+    """The words that are stored, and how far apart they are."""
+    from chairward_voice_dtw.audio import SoundError
+    from chairward_voice_dtw.enrolment import separability
+    from chairward_voice_dtw.store import StoreError, WordStore
+    from chairward_voice_dtw.templates import from_files
+
+    where = person_dir(person, folder)
+    try:
+        files = WordStore(where).files()
+        if not files:
+            typer.echo(f"{person} has no recorded words yet ({where}); record them with 'chairward words record'")
+            return
+        found = separability(from_files(files))
+    except (StoreError, SoundError) as error:
+        raise fail(error) from None
+    for word, paths in sorted(files.items()):
+        near, ratio = found.nearest[word]
+        beside = f"nearest word '{near}', {ratio:.1f} times as far as its own repetitions" if near else "the only word"
+        typer.echo(f"{word}: {len(paths)} recording(s), {beside}")
+    for sentence in found.warnings:
+        typer.echo(sentence)
+
+
+@words.command("import")
+def import_words(
+    word: Annotated[str, typer.Argument(help="the word that is said")],
+    files: Annotated[list[Path], typer.Argument(help="3 to 5 sound files, one repetition each")],
+    person: Person,
+    folder: Folder = None,
+    force: Annotated[bool, typer.Option("--force", help="keep recordings that look wrong")] = False,
+) -> None:
+    """Make sound files (any rate and width) the recordings of a word; the old ones stay unless all is well."""
+    from chairward_voice_dtw.audio import SoundError, read_wav
+    from chairward_voice_dtw.store import StoreError
+    from chairward_voice_dtw.streams import STREAM_HZ
+
+    try:
+        recordings = [(str(path), read_wav(path, STREAM_HZ)[0]) for path in files]
+        keep(word, recordings, person_dir(person, folder), person, force=force)
+    except (SoundError, StoreError) as error:
+        raise fail(error) from None
+
+
+def keep(word: str, recordings: list[Any], where: Path, person: str, *, force: bool) -> None:
+    """Check repetitions and store them when they are good. Raises SoundError, StoreError."""
+    from chairward_voice_dtw.audio import SoundError
+    from chairward_voice_dtw.enrolment import check, separability
+    from chairward_voice_dtw.store import WordStore
+    from chairward_voice_dtw.templates import from_files
+
+    problems = check(word, recordings)
+    for problem in problems:
+        typer.echo(problem, err=True)
+    if problems and not force:
+        raise SoundError(f"'{word}' was not stored; record the refused repetitions again, or insist with --force")
+    store = WordStore(where)
+    store.replace(word, [samples for _, samples in recordings])
+    typer.echo(f"stored {len(recordings)} recording(s) of '{word}' for {person} in {store.folder}")
+    for sentence in separability(from_files(store.files())).warnings:
+        typer.echo(sentence)
+
+
+@words.command()
+def record(
+    word: Annotated[str, typer.Argument(help="the word to record")],
+    person: Person,
+    folder: Folder = None,
+    times: Annotated[int, typer.Option("--times", min=1, max=10, help="repetitions")] = 4,
+    device: Annotated[str, typer.Option("--device", help="part of the input's name; empty: the default")] = "",
+    force: Annotated[bool, typer.Option("--force", help="keep recordings that look wrong")] = False,
+) -> None:
+    """Record a word a few times from the microphone, with a level meter, and store it."""
+    from chairward_voice_dtw.audio import SoundError
+    from chairward_voice_dtw.recorder import record_once
+    from chairward_voice_dtw.store import StoreError
+
+    try:
+        recordings = []
+        for number in range(1, times + 1):
+            typer.prompt(f"press Enter, then say '{word}' ({number} of {times})", default="", show_default=False)
+            recordings.append((f"repetition {number}", record_once(device)))
+        keep(word, recordings, person_dir(person, folder), person, force=force)
+    except (SoundError, StoreError) as error:
+        raise fail(error) from None
+
+
+@words.command("test")
+def try_words(
+    files: Annotated[list[Path], typer.Argument(help="sound files to try")],
+    person: Person,
+    folder: Folder = None,
+) -> None:
+    """What would be heard in these sound files, and how surely."""
+    from chairward_voice_dtw.audio import SoundError, read_wav
+    from chairward_voice_dtw.matcher import Matcher
+    from chairward_voice_dtw.store import StoreError, WordStore
+    from chairward_voice_dtw.streams import STREAM_HZ
+    from chairward_voice_dtw.templates import cut_out, from_files
+
+    line = VoiceSettings().threshold
+    try:
+        stored = WordStore(person_dir(person, folder)).files()
+        if not stored:
+            raise SoundError(f"{person} has no recorded words yet; record them with 'chairward words record'")
+        matcher = Matcher(from_files(stored))
+        for path in files:
+            segment = cut_out(read_wav(path, STREAM_HZ)[0])
+            if segment is None:
+                typer.echo(f"{path}: no word stands out of the background")
+                continue
+            verdict = matcher.judge(segment)
+            said = f"heard '{verdict.word}'" if verdict.score >= line else f"refused (nearest is '{verdict.word}')"
+            typer.echo(f"{path}: {said}, score {verdict.score:.1f}, needed {line:.1f}")
+    except (SoundError, StoreError) as error:
+        raise fail(error) from None
+
+
+@words.command()
+def evaluate(
+    manifest: Annotated[Path, typer.Argument(help="csv with path, word, speaker, role, source")],
+    templates: Annotated[int, typer.Option("--templates", min=1, max=20, help="recordings of each word to use")] = 3,
+    snr: Annotated[str, typer.Option("--snr", help="comma separated: clean or dB")] = "clean,20,10,5",
+    hours: Annotated[float, typer.Option("--hours", min=0.0, help="of sound without commands")] = 3.0,
+    engine: Annotated[str, typer.Option("--engine", help=", ".join(get_args(EngineName)))] = "default",
+    placements: Annotated[int, typer.Option("--placements", min=1, help="streams for each speaker and SNR")] = 3,
+    stop_word: Annotated[str, typer.Option("--stop-word", help="the word that means stop")] = "stop",
+    seed: Annotated[int, typer.Option("--seed", min=0, help="of places, noises and levels")] = 1,
+    threshold: Annotated[float, typer.Option("--threshold", help="log-odds a word needs")] = VoiceSettings().threshold,
+    stop_threshold: Annotated[
+        float, typer.Option("--stop-threshold", help="log-odds the stop word needs")
+    ] = VoiceSettings().stop_threshold,
+    processes: Annotated[int, typer.Option("--processes", min=0, help="0: up to two")] = 0,
+    quick: Annotated[bool, typer.Option("--quick", help="one placement, 6 minutes without commands")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="the whole report as JSON")] = False,
+) -> None:
+    """Measure accuracy, rejection, latency and false accepts on recordings, through the streaming path."""
+    from chairward_voice_dtw.audio import SoundError
+    from chairward_voice_dtw.evaluate import Plan
+    from chairward_voice_dtw.evaluate import evaluate as run
+
+    try:
+        snrs = tuple(None if part.strip() == "clean" else float(part) for part in snr.split(","))
+    except ValueError:
+        raise fail(ValueError(f"--snr {snr}: write clean or numbers of dB, separated by commas")) from None
+    if engine not in get_args(EngineName):
+        raise fail(ValueError(f"--engine {engine}: allowed are {', '.join(get_args(EngineName))}"))
+    settings = VoiceSettings(threshold=threshold, stop_threshold=stop_threshold)
+    plan = Plan(
+        manifest=manifest.absolute(),
+        templates=templates,
+        snrs=snrs,
+        hours=0.1 if quick else hours,
+        placements=1 if quick else placements,
+        engine=engine,  # type: ignore[arg-type]
+        stop_word=stop_word,
+        seed=seed,
+        processes=processes,
+        settings=settings,
+    )
+    try:
+        result = run(plan, lambda line: typer.echo(line, err=True))
+    except SoundError as error:
+        raise fail(error) from None
+    if as_json:
+        typer.echo(json.dumps(result, ensure_ascii=False, indent=1))
+        return
+    for line in table(result):
+        typer.echo(line)
+
+
+def table(result: dict[str, Any]) -> list[str]:
+    """The report's main figures, a line for each source and SNR."""
+    columns: tuple[str, ...] = ("accuracy_pct", "closed_set_accuracy_pct", "stop_recall_pct", "unknown_accepted_pct")
+    columns += ("unknown_accepted_at_95_pct", "cut_early_pct", "never_ended_pct", "undetected_pct")
+    lines = []
+    for source, cells in result["sources"].items():
+        lines.append(f"{source} ({next(iter(cells.values()))['speakers']} speakers)")
+        for snr, figures in cells.items():
+            parts = [
+                f"{name.removesuffix('_pct')} {value['pct']} [{value['low']}..{value['high']}]"
+                for name in columns
+                if (value := figures[name])["n"]
+            ]
+            parts.append(f"EER {figures['equal_error_rate_pct']}")
+            parts.append(
+                f"end to intent p50/p95 {figures['end_to_intent_ms']['p50']}/{figures['end_to_intent_ms']['p95']} ms"
+            )
+            lines.append(f"  {snr}: n {figures['accuracy_pct']['n']}  " + "  ".join(parts))
+    false = result["false_accepts_per_hour"]
+    lines.append(
+        f"false accepts an hour ({false['hours']} h): motion {false['motion']['per_hour']} "
+        f"[{false['motion']['low']}..{false['motion']['high']}], stop {false['stop']['per_hour']}"
+    )
+    lines.append(f"CPU: {result['cpu_ms_per_s']} ms per second of sound")
+    return lines

@@ -1,0 +1,184 @@
+"""The streaming recognisers: samples in, heard words out. Causal; how sound is cut in blocks changes nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from chairward_voice_dtw.audio import RATE_HZ, Floats, Resampler
+from chairward_voice_dtw.endpoint import EndpointParameters
+from chairward_voice_dtw.frontend import HOP, WINDOW
+from chairward_voice_dtw.matcher import Matcher
+from chairward_voice_dtw.segmenter import Segment, Segmenter
+from chairward_voice_dtw.templates import Template
+from chairward_voice_dtw.thesis import RECORDING, Mode, ThesisMatcher
+
+NEVER = -1e9
+"""Score of what cannot be a word."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Heard:
+    """Something that ended and was compared. Times are seconds of the stream.
+
+    word: the nearest, "" for talk and noise that is too long for a word. score: log-odds that it was said.
+    accepted: over that word's threshold.
+    onset_s, end_s: of the active part; decided_s: of the newest sample that the decision rests on.
+    """
+
+    word: str
+    score: float
+    accepted: bool
+    onset_s: float
+    end_s: float
+    decided_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Thresholds:
+    """Scores are log-odds; a word is accepted at `word`, the stop words at `stop`."""
+
+    word: float = 0.0
+    stop: float = -1.0
+    stop_words: frozenset[str] = frozenset()
+
+    def of(self, word: str) -> float:
+        """The threshold of one word."""
+        return self.stop if word in self.stop_words else self.word
+
+
+class Engine(Protocol):
+    """What the stage and the evaluation run."""
+
+    def push(self, samples: Floats) -> list[Heard]:
+        """Everything that these samples decide."""
+
+    @property
+    def noise_power(self) -> float:
+        """Mean band power of the room (0: not known yet)."""
+
+    @property
+    def in_word(self) -> bool:
+        """A possible word is going on."""
+
+    @property
+    def now_s(self) -> float:
+        """Seconds of sound that have been looked at."""
+
+
+def frame_end_s(frame: int) -> float:
+    """Second of the stream at which a frame's last sample lies."""
+    return (frame * HOP + WINDOW) / RATE_HZ
+
+
+class DtwEngine:
+    """The default: noise-following endpointer, templates moved into the room's noise, DTW, one fused score."""
+
+    def __init__(self, templates: Sequence[Template], thresholds: Thresholds, rate_hz: int) -> None:
+        self._matcher = Matcher(templates)
+        self._thresholds = thresholds
+        self._segmenter = Segmenter(rate_hz, EndpointParameters(longest=max(150, int(1.6 * self._matcher.longest))))
+
+    def push(self, samples: Floats) -> list[Heard]:
+        """Everything that these samples decide."""
+        return [self._heard(s) for s in self._segmenter.push(samples) if s.final or s.too_long]
+
+    def _heard(self, segment: Segment) -> Heard:
+        if segment.too_long:
+            return Heard(
+                word="",
+                score=NEVER,
+                accepted=False,
+                onset_s=segment.first * HOP / RATE_HZ,
+                end_s=frame_end_s(segment.last),
+                decided_s=frame_end_s(segment.decided),
+            )
+        verdict = self._matcher.judge(segment)
+        return Heard(
+            word=verdict.word,
+            score=verdict.score,
+            accepted=verdict.score >= self._thresholds.of(verdict.word),
+            onset_s=segment.first * HOP / RATE_HZ,
+            end_s=frame_end_s(segment.last),
+            decided_s=frame_end_s(segment.decided),
+        )
+
+    @property
+    def noise_power(self) -> float:
+        """Mean band power of the room."""
+        return float(self._segmenter.noise.mean())
+
+    @property
+    def in_word(self) -> bool:
+        """A possible word is going on."""
+        return self._segmenter.in_word
+
+    @property
+    def now_s(self) -> float:
+        """Seconds of sound that have been looked at."""
+        return frame_end_s(self._segmenter.frames_seen - 1) if self._segmenter.frames_seen else 0.0
+
+
+class ThesisEngine:
+    """The thesis' matcher on a stream: an onset starts a recording of 1.5 s, and its end gives a word, always."""
+
+    LEAD = 3 * RATE_HZ // 20
+
+    def __init__(self, recordings: Mapping[str, Floats], stop_word: str, mode: Mode, rate_hz: int) -> None:
+        self._matcher = ThesisMatcher(dict(recordings), stop_word, mode)
+        self._resampler = Resampler(rate_hz)
+        self._segmenter = Segmenter(RATE_HZ)
+        self._sound = np.zeros(0, np.float32)
+        self._sound_from = 0
+        self._busy_until = 0
+
+    def push(self, samples: Floats) -> list[Heard]:
+        """Everything that these samples decide."""
+        fresh = self._resampler.push(samples)
+        self._sound = np.concatenate([self._sound, fresh])
+        for _ in self._segmenter.push(fresh):
+            pass
+        heard: list[Heard] = []
+        while self._segmenter.onsets:
+            begin = max(0, self._segmenter.onsets[0] * HOP - self.LEAD)
+            if begin < self._busy_until:
+                self._segmenter.onsets.pop(0)
+                continue
+            at = begin - self._sound_from
+            if at + RECORDING > len(self._sound):
+                break
+            self._segmenter.onsets.pop(0)
+            word = self._matcher.decide(self._sound[at : at + RECORDING])
+            end = begin + RECORDING
+            self._busy_until = end
+            heard.append(
+                Heard(
+                    word=word,
+                    score=0.0,
+                    accepted=True,
+                    onset_s=(begin + self.LEAD) / RATE_HZ,
+                    end_s=end / RATE_HZ,
+                    decided_s=end / RATE_HZ,
+                )
+            )
+        drop = max(0, len(self._sound) - 4 * RECORDING)
+        self._sound, self._sound_from = self._sound[drop:], self._sound_from + drop
+        return heard
+
+    @property
+    def noise_power(self) -> float:
+        """Mean band power of the room."""
+        return float(self._segmenter.noise.mean())
+
+    @property
+    def in_word(self) -> bool:
+        """A possible word is going on."""
+        return self._segmenter.in_word
+
+    @property
+    def now_s(self) -> float:
+        """Seconds of sound that have been looked at."""
+        return frame_end_s(self._segmenter.frames_seen - 1) if self._segmenter.frames_seen else 0.0

@@ -1,0 +1,247 @@
+"""How good the ears are: streams with known truth through the streaming path, everything counted with its bounds."""
+
+from __future__ import annotations
+
+import os
+import time
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from chairward_voice_dtw.audio import Floats
+from chairward_voice_dtw.engine import NEVER, Engine, Heard, Thresholds
+from chairward_voice_dtw.figures import accepted_at, equal_error_rate_pct, percentiles, rate_per_hour, share
+from chairward_voice_dtw.settings import EngineName, VoiceSettings
+from chairward_voice_dtw.stage import EngineMaker
+from chairward_voice_dtw.streams import STREAM_HZ, Placed, Row, babble, by_role, embed, load, read_manifest
+
+BLOCK = STREAM_HZ // 10
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """What to evaluate; snrs in dB, None for clean. hours: of sound without commands, over all speakers."""
+
+    manifest: Path
+    templates: int = 3
+    snrs: tuple[float | None, ...] = (None, 20.0, 10.0, 5.0)
+    hours: float = 3.0
+    placements: int = 3
+    engine: EngineName = "default"
+    stop_word: str = "stop"
+    seed: int = 1
+    processes: int = 0
+    settings: VoiceSettings = field(default_factory=VoiceSettings)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """One utterance and what became of it. heard: everything that overlaps it."""
+
+    source: str
+    speaker: str
+    snr: float | None
+    placed: Placed
+    heard: tuple[Heard, ...]
+
+
+@cache
+def _rows(manifest: Path) -> list[Row]:
+    return read_manifest(manifest)
+
+
+@cache
+def _sound(path: Path) -> Floats:
+    return load(path)
+
+
+def speakers_of(rows: Sequence[Row]) -> list[str]:
+    """Speakers with template and test rows, in the manifest's order."""
+    templates = {row.speaker for row in rows if row.role == "template"}
+    return list(dict.fromkeys(r.speaker for r in rows if r.role == "test" and r.speaker in templates))
+
+
+def _engine(plan: Plan, speaker: str) -> Engine:
+    files: dict[str, list[Path]] = {}
+    for row in by_role(_rows(plan.manifest), speaker)["template"]:
+        if len(files.setdefault(row.word, [])) < plan.templates:
+            files[row.word].append(row.path)
+    thresholds = Thresholds(
+        word=plan.settings.threshold, stop=plan.settings.stop_threshold, stop_words=frozenset({plan.stop_word})
+    )
+    return EngineMaker(files, thresholds, plan.engine).make(STREAM_HZ)
+
+
+def listen(engine: Engine, samples: Floats, block: int = BLOCK) -> list[Heard]:
+    """Everything that the engine hears in a stream."""
+    return [heard for at in range(0, len(samples), block) for heard in engine.push(samples[at : at + block])]
+
+
+def _noises(plan: Plan) -> list[Floats]:
+    return [_sound(row.path) for row in _rows(plan.manifest) if row.role == "noise"]
+
+
+def trials(plan: Plan, speaker: str, snr: float | None, placement: int) -> list[Trial]:
+    """One stream of one speaker's test and unknown utterances."""
+    roles = by_role(_rows(plan.manifest), speaker)
+    utterances = [(row, _sound(row.path)) for row in [*roles["test"], *roles["unknown"]]]
+    rng = np.random.default_rng([plan.seed, zlib.crc32(speaker.encode()), 999 if snr is None else int(snr), placement])
+    stream = embed(utterances, _noises(plan), snr, rng, level_dbfs=float(rng.uniform(-32.0, -20.0)))
+    heard = listen(_engine(plan, speaker), stream.samples)
+    source = roles["test"][0].source
+    out = []
+    for placed in stream.placed:
+        mine = tuple(h for h in heard if h.onset_s < placed.end_s + 0.1 and h.end_s > placed.onset_s - 0.1)
+        out.append(Trial(source=source, speaker=speaker, snr=snr, placed=placed, heard=mine))
+    return out
+
+
+def false_accepts(plan: Plan, speaker: str, seconds: float) -> tuple[float, list[str]]:
+    """Hours of noise, talk and unknown words at varied levels, and the words that were (wrongly) accepted in them."""
+    rows = _rows(plan.manifest)
+    rng = np.random.default_rng([plan.seed, zlib.crc32(speaker.encode()), 31337])
+    unknown = [_sound(row.path) for row in rows if row.role == "unknown"]
+    talk = [_sound(row.path) for row in rows if row.role == "talk"]
+    engine = _engine(plan, speaker)
+    accepted: list[str] = []
+    done = 0.0
+    while done < seconds:
+        part = min(300.0, seconds - done)
+        samples = babble(unknown, talk, _noises(plan), part, rng)
+        accepted += [h.word for h in listen(engine, samples) if h.accepted]
+        done += part
+    return seconds / 3600.0, accepted
+
+
+def cpu_ms_per_s(plan: Plan, speaker: str) -> float:
+    """Processor time of the whole path for a second of sound in blocks of 10 ms, on a stream full of words."""
+    roles = by_role(_rows(plan.manifest), speaker)
+    utterances = [(row, _sound(row.path)) for row in roles["test"]]
+    stream = embed(utterances, _noises(plan), 20.0, np.random.default_rng(plan.seed))
+    engine = _engine(plan, speaker)
+    listen(engine, stream.samples[: 2 * STREAM_HZ], STREAM_HZ // 100)
+    began = time.process_time()
+    listen(engine, stream.samples, STREAM_HZ // 100)
+    return (time.process_time() - began) * 1e3 / (len(stream.samples) / STREAM_HZ)
+
+
+def _job(job: tuple[Any, ...]) -> Any:
+    kind, *arguments = job
+    work: dict[str, Callable[..., Any]] = {"trials": trials, "false": false_accepts, "cpu": cpu_ms_per_s}
+    return work[kind](*arguments)
+
+
+def evaluate(plan: Plan, say: Say) -> dict[str, Any]:
+    """Run everything; the report as plain values. `say` gets progress lines."""
+    rows = _rows(plan.manifest)
+    speakers = speakers_of(rows)
+    jobs: list[tuple[Any, ...]] = [
+        ("trials", plan, speaker, snr, p) for snr in plan.snrs for speaker in speakers for p in range(plan.placements)
+    ]
+    if plan.hours > 0.0:
+        jobs += [("false", plan, speaker, plan.hours * 3600.0 / len(speakers)) for speaker in speakers]
+    found: list[Trial] = []
+    hours, accepted = 0.0, list[str]()
+    began = time.monotonic()
+    for number, (job, result) in enumerate(_run(jobs, plan.processes), start=1):
+        if job[0] == "trials":
+            found += result
+        else:
+            hours, accepted = hours + result[0], accepted + result[1]
+        if number % 20 == 0 or number == len(jobs):
+            say(f"{number} of {len(jobs)} streams, {time.monotonic() - began:.0f} s")
+    cpu = [cpu_ms_per_s(plan, speaker) for speaker in speakers[:3]]
+    return report(plan, found, hours, accepted, float(np.median(cpu)))
+
+
+def _run(jobs: Sequence[tuple[Any, ...]], processes: int) -> Iterator[tuple[tuple[Any, ...], Any]]:
+    count = processes or min(2, os.cpu_count() or 1)
+    if count == 1:
+        for job in jobs:
+            yield job, _job(job)
+        return
+    with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
+        yield from zip(jobs, pool.map(_job, jobs, chunksize=2), strict=True)
+
+
+def known_score(trial: Trial) -> float:
+    """The best score with which the right word was heard, NEVER when it was not."""
+    return max((h.score for h in trial.heard if h.word == trial.placed.word), default=NEVER)
+
+
+def correct(trial: Trial) -> bool:
+    """Exactly the right word was accepted."""
+    return {h.word for h in trial.heard if h.accepted} == {trial.placed.word}
+
+
+def cell(found: Sequence[Trial], stop_word: str) -> dict[str, Any]:
+    """The figures of one source at one SNR."""
+    known = [t for t in found if t.placed.role == "test"]
+    unknown = [t for t in found if t.placed.role == "unknown"]
+    stops = [t for t in known if t.placed.word == stop_word]
+    right = [(t, next(h for h in t.heard if h.accepted)) for t in known if correct(t)]
+    closed = [max(t.heard, key=lambda h: h.score).word == t.placed.word for t in known if t.heard]
+    last = [(t, max(h.decided_s for h in t.heard)) for t in known if any(h.word for h in t.heard)]
+    known_scores = [known_score(t) for t in known]
+    unknown_scores = [max((h.score for h in t.heard), default=NEVER) for t in unknown]
+    accepted = [any(h.accepted for h in t.heard) for t in unknown]
+    stopped = [any(h.accepted and h.word == stop_word for h in t.heard) for t in stops]
+    return {
+        "speakers": len({t.speaker for t in found}),
+        "accuracy_pct": share(len(right), len(known)),
+        "closed_set_accuracy_pct": share(sum(closed), len(known)),
+        "wrong_word_pct": share(
+            sum(any(h.accepted and h.word != t.placed.word for h in t.heard) for t in known), len(known)
+        ),
+        "stop_recall_pct": share(sum(stopped), len(stops)),
+        "unknown_accepted_pct": share(sum(accepted), len(unknown)),
+        "unknown_accepted_at_95_pct": accepted_at(known_scores, unknown_scores, 0.95),
+        "equal_error_rate_pct": equal_error_rate_pct(known_scores, unknown_scores),
+        "onset_to_intent_ms": percentiles([1e3 * (h.decided_s - t.placed.onset_s) for t, h in right], 50, 95),
+        "stop_onset_to_intent_ms": percentiles(
+            [1e3 * (h.decided_s - t.placed.onset_s) for t, h in right if t.placed.word == stop_word], 50, 95
+        ),
+        "end_to_intent_ms": percentiles([1e3 * (h.decided_s - t.placed.end_s) for t, h in right], 50, 95),
+        "endpoint_delay_ms": percentiles([1e3 * (d - t.placed.end_s) for t, d in last if d >= t.placed.end_s], 50, 95),
+        "cut_early_pct": share(sum(d < t.placed.end_s for t, d in last), len(known)),
+        "never_ended_pct": share(sum(bool(t.heard) and not any(h.word for h in t.heard) for t in known), len(known)),
+        "undetected_pct": share(sum(not t.heard for t in known), len(known)),
+    }
+
+
+def report(plan: Plan, found: Sequence[Trial], hours: float, accepted: Sequence[str], cpu: float) -> dict[str, Any]:
+    """Everything together."""
+    sources = list(dict.fromkeys(t.source for t in found))
+    stops = sum(word == plan.stop_word for word in accepted)
+    names = {snr: "clean" if snr is None else f"{snr:g}" for snr in plan.snrs}
+    cells = {
+        source: {
+            name: cell([t for t in found if t.source == source and t.snr == snr], plan.stop_word)
+            for snr, name in names.items()
+        }
+        for source in sources
+    }
+    return {
+        "manifest": str(plan.manifest),
+        "engine": plan.engine,
+        "templates": plan.templates,
+        "placements": plan.placements,
+        "seed": plan.seed,
+        "thresholds": {"word": plan.settings.threshold, "stop": plan.settings.stop_threshold},
+        "note": "n counts placements of the same recordings too; the number of speakers is the real sample size",
+        "sources": cells,
+        "false_accepts_per_hour": {
+            "hours": round(hours, 3),
+            "motion": rate_per_hour(len(accepted) - stops, hours),
+            "stop": rate_per_hour(stops, hours),
+        },
+        "cpu_ms_per_s": round(cpu, 2),
+    }

@@ -1,0 +1,120 @@
+"""From 8 kHz samples to mel power frames (streaming) and from a stretch of frames to MFCC features (per word).
+
+25 ms Hamming windows every 10 ms, pre-emphasis 0.97, 24 triangular mel bands 100..3800 Hz (each of unit sum),
+cepstrum c0..c12 liftered, mean and variance normalised over the word, with first derivatives
+(Davis & Mermelstein 1980; Furui 1981; the choice was made on development speakers, README).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+
+from chairward_voice_dtw.audio import RATE_HZ, Floats
+from chairward_voice_dtw.jit import jit
+
+HOP = RATE_HZ // 100
+WINDOW = RATE_HZ // 40
+FFT = 256
+BANDS = 24
+CEPSTRA = 13
+DIMENSIONS = 2 * CEPSTRA
+PRE_EMPHASIS = 0.97
+POWER_FLOOR = 1e-6
+"""Band power of about -80 dBFS: below it a recording is digital silence, not a quieter room."""
+
+
+def hz_to_mel(hz: float) -> float:
+    """Mel scale, 2595 log10(1 + f/700)."""
+    return float(2595.0 * np.log10(1.0 + hz / 700.0))
+
+
+def mel_to_hz(mel: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Inverse of hz_to_mel."""
+    return 700.0 * (10.0 ** (mel / 2595.0) - 1.0)
+
+
+@cache
+def mel_filters() -> Floats:
+    """BANDS x (FFT/2+1) weights, rows of unit sum."""
+    edges = mel_to_hz(np.linspace(hz_to_mel(100.0), hz_to_mel(3800.0), BANDS + 2))
+    hz = np.arange(FFT // 2 + 1) * RATE_HZ / FFT
+    rising = (hz[None] - edges[:-2, None]) / (edges[1:-1] - edges[:-2])[:, None]
+    falling = (edges[2:, None] - hz[None]) / (edges[2:] - edges[1:-1])[:, None]
+    weights = np.maximum(0.0, np.minimum(rising, falling))
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True), np.float32)
+
+
+@jit
+def band_power(power: Floats, filters: Floats, out: Floats) -> None:
+    """out[t, b] = sum of power[t] over filter b: plain loops, so a frame's value never depends on its block."""
+    for t in range(power.shape[0]):
+        for b in range(filters.shape[0]):
+            total = np.float32(0.0)
+            for k in range(filters.shape[1]):
+                total += power[t, k] * filters[b, k]
+            out[t, b] = total
+
+
+class MelStream:
+    """Frame t covers samples HOP*t .. HOP*t+WINDOW of the stream and comes out as soon as the last of them is in."""
+
+    def __init__(self) -> None:
+        self._rest = np.zeros(0, np.float32)
+        self._last = np.float32(0.0)
+        self._window = np.hamming(WINDOW).astype(np.float32)
+
+    def push(self, samples: Floats) -> Floats:
+        """New frames, n x BANDS power (float32)."""
+        if len(samples):
+            emphasised = samples.astype(np.float32)
+            emphasised[1:] -= np.float32(PRE_EMPHASIS) * samples[:-1]
+            emphasised[0] -= np.float32(PRE_EMPHASIS) * self._last
+            self._last = np.float32(samples[-1])
+            self._rest = np.concatenate([self._rest, emphasised])
+        count = (len(self._rest) - WINDOW) // HOP + 1
+        if count <= 0:
+            return np.zeros((0, BANDS), np.float32)
+        frames = np.lib.stride_tricks.sliding_window_view(self._rest, WINDOW)[: count * HOP : HOP] * self._window
+        self._rest = self._rest[count * HOP :]
+        spectrum = np.fft.rfft(frames, FFT, axis=1)
+        power = np.ascontiguousarray(spectrum.real**2 + spectrum.imag**2, np.float32)
+        out = np.empty((count, BANDS), np.float32)
+        band_power(power, mel_filters(), out)
+        return out
+
+
+@cache
+def _cosines() -> Floats:
+    """BANDS x CEPSTRA: orthonormal DCT-II, sinusoidal lifter of 22 included."""
+    n, k = np.arange(BANDS)[:, None], np.arange(CEPSTRA)[None]
+    basis = np.cos(np.pi * k * (2 * n + 1) / (2 * BANDS)) * np.sqrt(2.0 / BANDS)
+    basis[:, 0] /= np.sqrt(2.0)
+    lifter = (1.0 + 11.0 * np.sin(np.pi * k / 22.0)) / 12.0
+    return np.asarray(basis * lifter, np.float32)
+
+
+def derivatives(x: Floats) -> Floats:
+    """Slope over five frames, edges repeated."""
+    p = np.concatenate([x[:1], x[:1], x, x[-1:], x[-1:]])
+    return np.asarray((2.0 * (p[4:] - p[:-4]) + (p[3:-1] - p[1:-3])) / 10.0, np.float32)
+
+
+def features(mel: Floats, *, floor_db: float = 15.0, delta_weight: float = 1.5) -> Floats:
+    """Mel power frames of one word (n x BANDS) to n x DIMENSIONS float32.
+
+    A floor `floor_db` under the word's mean power keeps the valleys of the spectrum, which noise fills, from counting.
+    """
+    raised = mel + mel.mean() * np.float32(10.0 ** (-floor_db / 10.0)) + np.float32(1e-10)
+    cepstra = np.log(raised) @ _cosines()
+    cepstra = cepstra - cepstra.mean(axis=0)
+    spread = cepstra.std(axis=0)
+    cepstra = cepstra / (spread + 0.1 * cepstra.std() + 1e-3)
+    return np.ascontiguousarray(np.concatenate([cepstra, delta_weight * derivatives(cepstra)], axis=1), np.float32)
+
+
+def subtract(mel: Floats, noise: Floats, *, factor: float = 1.5, keep: float = 0.05) -> Floats:
+    """Spectral subtraction with a relative floor (Berouti 1979)."""
+    return np.asarray(np.maximum(mel - np.float32(factor) * noise, np.float32(keep) * mel), np.float32)

@@ -1,0 +1,45 @@
+"""What a chair file may set for the recogniser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from chairward.components import Settings
+
+EngineName = Literal["default", "thesis_text", "thesis_code"]
+
+
+class VoiceSettings(Settings):
+    """Settings of `voice_dtw`. Templates: the person's own store unless `templates_dir` or `manifest` is set."""
+
+    engine: EngineName = Field(
+        default="default",
+        description="recogniser; thesis_text and thesis_code never reject: simulator, files and robot only",
+    )
+    templates_dir: Path | None = Field(
+        default=None, description="folder of recordings <word>_<n>.wav instead of the person's own"
+    )
+    manifest: Path | None = Field(
+        default=None, description="manifest whose template rows are used instead of the person's own"
+    )
+    speaker: str = Field(default="", description="speaker of the manifest; empty: its first one")
+    threshold: float = Field(
+        default=0.0, ge=-5.0, le=20.0, description="log-odds a word needs; higher: fewer wrong, more unheard"
+    )
+    stop_threshold: float = Field(
+        default=-1.0, ge=-20.0, le=5.0, description="log-odds the stop word needs; looser than the others"
+    )
+    refractory_ms: int = Field(
+        default=400, ge=0, le=5000, description="no second motion word within this; stop is always heard"
+    )
+    listening: Literal["always", "armed"] = Field(
+        default="always", description="armed: motion words only after the wake word"
+    )
+    wake_word: str = Field(default="", description="enrolled word that opens an armed listener")
+    armed_s: float = Field(default=6.0, ge=1.0, le=60.0, description="how long the wake word opens the listener")
+    loudest_noise_dbfs: float = Field(
+        default=-20.0, ge=-60.0, le=0.0, description="room noise above which no word is trusted"
+    )

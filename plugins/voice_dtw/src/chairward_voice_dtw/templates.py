@@ -1,0 +1,76 @@
+"""A person's recordings turned into templates: the same segmenter and the same features as what is heard later."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from chairward_voice_dtw.audio import Floats, SoundError, read_wav
+from chairward_voice_dtw.segmenter import Segment, Segmenter
+from chairward_voice_dtw.streams import STREAM_HZ, active_rms, read_manifest, room_tone
+
+
+@dataclass(frozen=True, slots=True)
+class Template:
+    """One repetition of a word. mel: n x BANDS power, pads included. noise: of its room. name: for messages."""
+
+    word: str
+    mel: Floats
+    noise: Floats
+    name: str = ""
+
+
+def cut_out(samples: Floats) -> Segment | None:
+    """The word of a recording at STREAM_HZ, as the streaming path would find it in the recording's own room."""
+    samples = np.asarray(samples - samples.mean(), np.float32)
+    rng = np.random.default_rng(1)
+    samples = samples * np.float32(10.0 ** (-26.0 / 20.0) / active_rms(samples))
+    before, after = (room_tone(samples, n, rng) for n in (2 * STREAM_HZ, STREAM_HZ))
+    found = [s for s in Segmenter(STREAM_HZ).push(np.concatenate([before, samples, after])) if s.final]
+    return max(found, key=lambda s: s.peak_db * (s.last - s.first), default=None)
+
+
+def make_template(word: str, samples: Floats, name: str = "") -> Template:
+    """Raises SoundError when no word stands out of the recording."""
+    segment = cut_out(samples)
+    if segment is None:
+        raise SoundError(f"{name or word}: no word stands out of the background; record it again, louder or nearer")
+    return Template(word, segment.mel, segment.noise, name)
+
+
+def from_files(files: Mapping[str, Sequence[Path]]) -> list[Template]:
+    """Templates of wav files by word. Raises SoundError."""
+    return [
+        make_template(word, read_wav(path, STREAM_HZ)[0], str(path)) for word, paths in files.items() for path in paths
+    ]
+
+
+def files_of_folder(folder: Path) -> dict[str, list[Path]]:
+    """Recordings named `<word>_<n>.wav`, or `<word>/<n>.wav`. Raises SoundError when there are none."""
+    if not folder.is_dir():
+        raise SoundError(f"{folder}: there is no such folder of word recordings (<word>_<n>.wav)")
+    files: dict[str, list[Path]] = {}
+    for path in sorted(folder.glob("*.wav")):
+        files.setdefault(path.stem.rsplit("_", 1)[0], []).append(path)
+    for path in sorted(folder.glob("*/*.wav")):
+        files.setdefault(path.parent.name, []).append(path)
+    if not files:
+        raise SoundError(f"{folder}: holds no word recordings; name them <word>_<n>.wav")
+    return files
+
+
+def files_of_manifest(manifest: Path, speaker: str) -> dict[str, list[Path]]:
+    """The template rows of one speaker (the first one in the manifest when speaker is ""). Raises SoundError."""
+    rows = [row for row in read_manifest(manifest) if row.role == "template"]
+    who = speaker or (rows[0].speaker if rows else "")
+    files: dict[str, list[Path]] = {}
+    for row in rows:
+        if row.speaker == who:
+            files.setdefault(row.word, []).append(row.path)
+    if not files:
+        known = ", ".join(sorted({row.speaker for row in rows})) or "none"
+        raise SoundError(f"{manifest}: no template rows of speaker '{who}' (there are: {known})")
+    return files
