@@ -71,6 +71,7 @@ class Context:
     run_dir: a private folder of this run (sockets, ptys, reports). chair_dir: where the chair file is.
     person, person_dir: who drives, and where that person's recordings are kept.
     stop_mm, avoid_mm: the thresholds in force (for display and for choosing what to look at; the guard decides).
+    records_fd, frames: for a source whose lane observes: where records arrive (SEQPACKET), and each lane's frame ring.
     """
 
     lane: str
@@ -84,6 +85,8 @@ class Context:
     language: str = "en"
     stop_mm: int = 600
     avoid_mm: int = 750
+    records_fd: int = -1
+    frames: Mapping[str, int] = field(default_factory=dict)
 
 
 class DeviceLost(Exception):

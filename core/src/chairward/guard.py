@@ -150,6 +150,8 @@ class Guard:
                         self.lanes[lane] = wire.adopt(fds[0])
                         self.selector.register(self.lanes[lane], selectors.EVENT_READ, lane)
                         self.border.lane_attached(lane)
+                    case wire.Observe():
+                        self.observers[wire.adopt(fds[0])] = 0
                     case wire.Quit():
                         self.leave()
         except EOFError:

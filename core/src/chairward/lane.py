@@ -10,6 +10,7 @@ import signal
 import sys
 import time
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,9 @@ class Lane:
         self.control = wire.adopt(options.control)
         self.frames = FrameWriter(options.frames) if options.frames >= 0 else None
         run_dir = Path(options.run_dir)
-        context = the_plan.context(options.lane, self.plan.pose, run_dir)
+        context = replace(
+            the_plan.context(options.lane, self.plan.pose, run_dir), records_fd=options.records, frames=options.rings
+        )
         self.source_name = self.plan.source.component
         self.source: Source = _make(registry.get("source", self.source_name), self.plan.source, context)
         self.stages: list[tuple[str, Processor]] = [

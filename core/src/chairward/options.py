@@ -16,7 +16,10 @@ class GuardOptions(msgspec.Struct, frozen=True):
 
 
 class LaneOptions(msgspec.Struct, frozen=True):
-    """guard: the lane's end of its line. control: to the supervisor. frames: the memory for its pictures."""
+    """guard: the lane's end of its line. control: to the supervisor. frames: the memory for its pictures.
+
+    records, rings: only for a lane that observes: where records arrive, and every lane's pictures, read-only.
+    """
 
     plan: str
     run_dir: str
@@ -24,6 +27,8 @@ class LaneOptions(msgspec.Struct, frozen=True):
     guard: int
     control: int
     frames: int = -1
+    records: int = -1
+    rings: dict[str, int] = {}
 
 
 class BesideOptions(msgspec.Struct, frozen=True):

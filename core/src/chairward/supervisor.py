@@ -48,7 +48,6 @@ class LaneProcess:
     plan: LanePlan
     process: subprocess.Popen[bytes]
     control: socket.socket
-    frames_fd: int
     started_s: float
     beat_s: float = 0.0
     items: int = 0
@@ -70,6 +69,7 @@ class Supervisor:
     lanes: dict[str, LaneProcess] = field(default_factory=dict)
     companions: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
     observers: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
+    rings: dict[str, int] = field(default_factory=dict)
     events: list[str] = field(default_factory=list)
     up: wire.GuardIsUp | None = None
     ended_reason: str = ""
@@ -134,10 +134,12 @@ class Supervisor:
                 )
 
     def _start_guard_and_lanes(self) -> None:
+        self.rings = {lane.name: frames.create() for lane in self.plan.lanes}
         guard_ends: dict[str, socket.socket] = {}
-        for lane in self.plan.lanes:
-            guard_ends[lane.name] = self._start_lane(lane, frames.create())
         outs = []
+        for lane in self.plan.lanes:
+            guard_ends[lane.name], records_end = self._start_lane(lane)
+            outs += [records_end] if records_end is not None else []
         for name in self.plan.observers:
             ours, theirs = wire.pair(RECORD_BUFFER_BYTES)
             options = BesideOptions(str(self._plan_file), str(self.run_dir), "observer", name, theirs.fileno())
@@ -159,22 +161,32 @@ class Supervisor:
         for end in passed:
             end.close()  # or their end would never read as closed
 
-    def _start_lane(self, lane: LanePlan, frames_fd: int) -> socket.socket:
-        """Start the lane's process; returns the guard's end of its line."""
+    def _start_lane(self, lane: LanePlan) -> tuple[socket.socket, socket.socket | None]:
+        """Start the lane's process; returns the guard's ends: of its line, and of its records if it observes."""
         guard_end, lane_end = wire.pair()
         ours, theirs = wire.pair()
+        passed = [lane_end, theirs]
+        records_end, rings = None, {}
+        if lane.observes:
+            records_end, lane_records = wire.pair(RECORD_BUFFER_BYTES)
+            passed.append(lane_records)
+            rings = {name: frames.read_only(fd) for name, fd in self.rings.items()}
         options = LaneOptions(
             plan=str(self._plan_file),
             run_dir=str(self.run_dir),
             lane=lane.name,
             guard=lane_end.fileno(),
             control=theirs.fileno(),
-            frames=frames_fd,
+            frames=self.rings[lane.name],
+            records=passed[-1].fileno() if lane.observes else -1,
+            rings=rings,
         )
-        fds = [lane_end.fileno(), theirs.fileno(), frames_fd]
+        fds = [*(end.fileno() for end in passed), self.rings[lane.name], *rings.values()]
         process = self._spawn("chairward.lane", options, f"lane-{lane.name}", fds)
-        lane_end.close()
-        theirs.close()
+        for end in passed:
+            end.close()  # or their end would never read as closed
+        for fd in rings.values():
+            os.close(fd)
         if (old := self.lanes.get(lane.name)) is not None:
             old.control.close()
             old.process, old.control = process, ours
@@ -182,8 +194,8 @@ class Supervisor:
             old.dropped_before += old.dropped
             old.dropped = 0
         else:
-            self.lanes[lane.name] = LaneProcess(lane, process, ours, frames_fd, time.monotonic())
-        return guard_end
+            self.lanes[lane.name] = LaneProcess(lane, process, ours, time.monotonic())
+        return guard_end, records_end
 
     @property
     def _plan_file(self) -> Path:
@@ -291,9 +303,12 @@ class Supervisor:
 
     def _restart(self, lane: LaneProcess) -> None:
         assert self._control is not None
-        guard_end = self._start_lane(lane.plan, lane.frames_fd)
+        guard_end, records_end = self._start_lane(lane.plan)
         wire.send_control(self._control, wire.Attach(lane.plan.name), [guard_end.fileno()])
         guard_end.close()
+        if records_end is not None:
+            wire.send_control(self._control, wire.Observe(), [records_end.fileno()])
+            records_end.close()
 
     def _note(self, text: str) -> None:
         log.warning("%s", text)
@@ -323,7 +338,8 @@ class Supervisor:
         _wait_all({f"observer '{n}'": p for n, p in self.observers.items()}, 5.0, self._note)
         for lane in self.lanes.values():
             lane.control.close()
-            os.close(lane.frames_fd)
+        for fd in self.rings.values():
+            os.close(fd)
         for end in (self._control, self._records):
             if end is not None:
                 end.close()

@@ -41,6 +41,10 @@ class Died(msgspec.Struct, frozen=True, tag="died"):
     reason: str
 
 
+class Observe(msgspec.Struct, frozen=True, tag="observe"):
+    """Supervisor to guard: one more observer; its socket comes with this message."""
+
+
 class Quit(msgspec.Struct, frozen=True, tag="quit"):
     """Supervisor to guard: stop the chair, then leave."""
 
@@ -68,7 +72,7 @@ class Beat(msgspec.Struct, frozen=True, tag="beat"):
     ended: bool = False
 
 
-Control = Heartbeat | Attach | Died | Quit | GuardIsUp | Note | Beat
+Control = Heartbeat | Attach | Observe | Died | Quit | GuardIsUp | Note | Beat
 _control_decoder: msgspec.msgpack.Decoder[Control] = msgspec.msgpack.Decoder(Control)
 
 
