@@ -28,6 +28,7 @@ from chairward_drive_can.settings import CanSettings, Cia402Settings, Node
 SHUTDOWN, SWITCH_ON, ENABLE, QUICK_STOP, FAULT_RESET = 0x06, 0x07, 0x0F, 0x02, 0x80
 PROFILE_402 = 0x0192
 RETRIES = 3
+ENABLE_WITHIN_NS = 1000 * MS
 
 
 def state_of(status_word: int) -> str:
@@ -127,7 +128,10 @@ class _Wheel:
             if (answer.index, answer.sub) != (0x1000, 0):
                 return []
             if answer.value is None or answer.value & 0xFFFF != PROFILE_402:
-                self.fault = f"CANopen node {self.node.id} is no CiA 402 drive (device type {answer.value or 0:#x})"
+                self.fault = (
+                    f"CANopen node {self.node.id} does not speak the CiA 402 protocol "
+                    f"(device type 0x{answer.value or 0:08X}); give the id of a motor controller"
+                )
                 return []
         else:
             entry = self._todo[self._step]
@@ -155,10 +159,11 @@ class Cia402Dialect:
     def __init__(self, settings: CanSettings) -> None:
         self._settings, self._own = settings, settings.cia402
         self.period_ns, self.window = self._own.period_ms * MS, 6
+        self.quiet_ns = 2 * self.period_ns
         self._wheels = {node.id: _Wheel(node, self._own) for node in self._own.nodes}
         self._arming = self._armed = self._braked = False
         self._fault = ""
-        self._beat_ns = 0
+        self._beat_ns = self._arming_ns = 0
 
     def is_command(self, frame: Frame) -> bool:
         return (not frame.extended and (frame.id - 0x200) in self._wheels) or frame.id == 0x700 + self._own.host_id
@@ -207,7 +212,7 @@ class Cia402Dialect:
                 raise DriveError(wheel.fault or f"CANopen node {wheel.node.id} is still being set up; arm again")
             if not self._fresh(wheel, now_ns):
                 raise DriveError(f"CANopen node {wheel.node.id} ({wheel.node.side} wheel) is silent; check its wires")
-        self._arming, self._fault = True, ""
+        self._arming, self._arming_ns, self._fault = True, now_ns, ""
         resets = [wheel for wheel in self._wheels.values() if wheel.state == "fault"]
         return [self._pdo(wheel, FAULT_RESET, 0) for wheel in resets]
 
@@ -225,6 +230,9 @@ class Cia402Dialect:
         self._braked = self._braked or hard_stop
         if not hard_stop and all(wheel.state == "operation enabled" for wheel in self._wheels.values()):
             self._armed, self._arming, self._braked = self._armed or self._arming, False, False
+        if self._arming and now_ns - self._arming_ns > ENABLE_WITHIN_NS:
+            states = ", ".join(f"node {wheel.node.id} is '{wheel.state}'" for wheel in self._wheels.values())
+            self._stop(f"CANopen: the wheels' controllers do not enable ({states})")
         if self._armed and not all(self._fresh(wheel, now_ns) for wheel in self._wheels.values()):
             self._stop("CANopen: a wheel's controller has fallen silent; both are told to stop")
         return frames + [self._wheel_frame(wheel, motion, hard_stop) for wheel in self._wheels.values()]

@@ -114,6 +114,7 @@ class DbcDialect:
         cycles = [o.message.cycle_time for o in self._outgoing if o.message.cycle_time]
         self.period_ns = (self._table.cycle_ms or min(cycles, default=DEFAULT_CYCLE_MS)) * MS
         self.window = 2 * len(self._outgoing)
+        self.quiet_ns = max(2 * self.period_ns, self._table.status_ms * MS)
         self._scales = {
             f"{o.message.name}.{signal.name}": abs(float(signal.scale))
             for o in self._outgoing
@@ -121,7 +122,7 @@ class DbcDialect:
         }
         self._known: dict[str, float] = {}
         self._heard_ns = 0
-        self._armed = False
+        self._armed = self._accepted = False
 
     def is_command(self, frame: Frame) -> bool:
         return (frame.id, frame.extended) in self._ids
@@ -139,7 +140,15 @@ class DbcDialect:
             return ()
         self._heard_ns = now_ns
         self._known.update({f"{message.name}.{name}": float(value) for name, value in values.items()})
-        if self._value(self._table.fault) or self._value(self._table.stopped_by_user):
+        accepts = self._value(self._table.armed)
+        if self._armed and self._accepted and accepts == 0.0:
+            self._armed = False
+        self._accepted = bool(accepts)
+        if (
+            self._value(self._table.fault)
+            or self._value(self._table.charging)
+            or self._value(self._table.stopped_by_user)
+        ):
             self._armed = False
         return ()
 

@@ -30,6 +30,8 @@ class Dialect(Protocol):
 
     period_ns: int
     """How often the controller wants a command."""
+    quiet_ns: int
+    """A controller unheard for so long gets no motion, only neutral: what nobody reads must not pile up."""
     window: int
     """Frames that may be unanswered at most, where the interface tells: those of two ticks."""
 

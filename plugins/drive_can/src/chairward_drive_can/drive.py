@@ -16,7 +16,7 @@ from chairward_drive_can.bus import Bus, Claim, advice, bus_errors, open_bus, se
 from chairward_drive_can.dialect import Dialect
 from chairward_drive_can.frames import MS, Frame
 from chairward_drive_can.scale import checked, ramped
-from chairward_drive_can.settings import CanSettings
+from chairward_drive_can.settings import SILENCE_LIMIT_MS, CanSettings
 
 RETRY_NS = (20 * MS, 50 * MS, 100 * MS, 250 * MS, 500 * MS, 1000 * MS)
 """Waits between attempts to open the interface again."""
@@ -50,7 +50,7 @@ class CanDrive:
         """A new connection owes nothing to the old one."""
         self._asked, self._asked_ns = STILL, 0
         self._given, self._given_ns = STILL, 0
-        self._neutral = False
+        self._neutral = self._linked = False
         self._stuck_since_ns = 0
         self._waiting: list[Frame] = []
 
@@ -97,9 +97,12 @@ class CanDrive:
         self._tell(now_ns, wanted, hard_stop=hard_stop)
 
     def _tell(self, now_ns: int, wanted: Motion, *, hard_stop: bool) -> None:
+        if self._asked_ns and now_ns - self._asked_ns > self._silence_ns:
+            self.disarm(now_ns)
         self._neutral = self._neutral or wanted == STILL
-        armed = self._dialect.report(now_ns).armed
-        if not (armed and self._neutral):
+        report = self._dialect.report(now_ns)
+        armed = report.armed
+        if not (armed and self._neutral) or now_ns - report.heard_ns >= self._dialect.quiet_ns:
             wanted = STILL
         self._asked, self._asked_ns = wanted, now_ns
         dt_s = min(max(0, now_ns - self._given_ns), 2 * self.period_ns) / 1e9
@@ -120,6 +123,9 @@ class CanDrive:
         linked = self._bus is not None and heard and report.ready
         if linked:
             self._retry, self._fault = 0, ""
+        elif self._linked and self._bus is not None:
+            self.disarm(now_ns)
+        self._linked = linked
         return DriveStatus(
             at_ns=report.heard_ns,
             linked=linked,
@@ -146,6 +152,11 @@ class CanDrive:
         if self._claim is not None:
             self._claim.release()
             self._claim = None
+
+    @property
+    def _silence_ns(self) -> int:
+        """After so long without a command the controller has stopped by itself: then only arming moves it again."""
+        return min(self._settings.silence_stop_ms or SILENCE_LIMIT_MS, SILENCE_LIMIT_MS) * MS
 
     @property
     def _stale_ns(self) -> int:

@@ -15,6 +15,8 @@ from chairward_drive_can.takeover import refusals
 JOYSTICK_SILENT_NS = 50 * MS
 POWER_SILENT_NS = 1500 * MS
 """The slowest thing the power module says by itself comes once a second."""
+POWER_QUIET_NS = 500 * MS
+"""Its motor current comes every 200 or 250 ms."""
 
 
 class RnetDialect:
@@ -25,6 +27,7 @@ class RnetDialect:
         self._settings = settings
         self._mode = settings.rnet.takeover
         self.period_ns, self.window = rnet.JOYSTICK_PERIOD_MS * MS, 2
+        self.quiet_ns = JOYSTICK_SILENT_NS if self._mode == "follow" else POWER_QUIET_NS
         self._heard_ns = self._stick_ns = self._power_ns = self._touched_ns = self._armed_ns = 0
         self._centred_since_ns = 0
         self._touched = self._armed = self._charging = self._standing = False
@@ -69,8 +72,10 @@ class RnetDialect:
                 self._stop(self._trip)
             case rnet.Asleep(what):
                 self._stop(f"R-Net: {what}; switch the chair on and arm again")
-            case rnet.Startup("run"):
-                self._trip, self._charging = "", False
+            case rnet.Startup(step) if step in ("is anybody there", "run"):
+                self._trip, self._charging, self._power_value = "", False, None
+                if self._armed:
+                    self._stop("R-Net: the chair was switched on again; arm again")
             case _:
                 pass
         return ()
@@ -119,6 +124,7 @@ class RnetDialect:
         regular = now_ns - self._stick_ns <= JOYSTICK_SILENT_NS
         self._stick_ns = now_ns
         self._touched = (x, y) != (0, 0)
+        self._standing = self._standing and not self._touched
         if self._touched or not regular:
             self._centred_since_ns = now_ns
         if self._touched and self._armed:

@@ -65,6 +65,9 @@ class DbcSettings(Settings):
         default="crc8_j1850", description="over all other bytes of the message, in order"
     )
     cycle_ms: int = Field(default=0, ge=0, le=100, description="0: GenMsgCycleTime of the file")
+    status_ms: int = Field(
+        default=0, ge=0, le=200, description="longest gap between the controller's messages; 0: two cycles"
+    )
     fixed: dict[SignalName, float] = Field(default_factory=dict, description="other signals of the messages we send")
     speed: SignalName | None = Field(default=None, description="status: measured speed")
     speed_mm_s_per_unit: float = Field(default=1000.0, description="mm/s for 1 unit of `speed`")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import termios
 from collections.abc import Iterator
 
@@ -73,6 +74,8 @@ class SlcanPort:
             raise OSError(f"an slcan adapter knows no {bitrate} bit/s (it knows {known})")
         self._port = serial.Serial(path, tty_baudrate, timeout=0, write_timeout=0, exclusive=True)
         self._fd = self._port.fileno()
+        self._hangup = select.poll()
+        self._hangup.register(self._fd, 0)
         self._lines = LineSplitter()
         self._acknowledges = acknowledges
         self.unanswered = 0
@@ -99,6 +102,8 @@ class SlcanPort:
         except BlockingIOError:
             return []
         if not data:
+            if any(event & (select.POLLHUP | select.POLLERR) for _, event in self._hangup.poll(0)):
+                raise OSError("the adapter is gone")
             return []
         frames = []
         for line in self._lines.feed(data):

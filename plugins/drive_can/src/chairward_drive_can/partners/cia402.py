@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 
 from chairward_drive_can.cia402 import state_of
 from chairward_drive_can.frames import MS, Frame
-from chairward_drive_can.partners.body import Body
-from chairward_drive_can.scale import ramp
+from chairward_drive_can.partners.body import Axis, Body
 
 READY, ON, ENABLED, QUICK, FAULT, DISABLED = 0x0221, 0x0223, 0x0227, 0x0207, 0x0208, 0x0240
 OPERATIONAL, PREOPERATIONAL, STOPPED = 0x05, 0x7F, 0x04
@@ -31,13 +30,18 @@ class MotorNode:
     nmt: int = PREOPERATIONAL
     status: int = DISABLED
     target: int = 0
-    speed: float = 0.0
+    axis: Axis = field(default_factory=Axis)
     timeouts: int = 0
     _rpdo_ns: int = 0
     _host_ns: int = 0
     _tpdo_due_ns: int = 0
     _beat_due_ns: int = 0
     _booted: bool = False
+
+    @property
+    def speed(self) -> float:
+        """Velocity units per second."""
+        return self.axis.value
 
     def value(self, index: int, sub: int = 0) -> int:
         """What is in the object dictionary."""
@@ -66,7 +70,7 @@ class MotorNode:
         enabled = state_of(self.status) == "operation enabled"
         wanted = float(self.target) if enabled else 0.0
         fall = self.value(0x6084) if enabled else self.value(0x6085)
-        self.speed = ramp(self.speed, wanted, float(self.value(0x6083)), float(fall), dt_s)
+        self.axis.step(wanted, float(self.value(0x6083)), float(fall), dt_s)
         if self.status == QUICK and self.speed == 0.0:
             self.status = DISABLED
         frames += self._silence(now_ns, enabled)
@@ -161,6 +165,6 @@ class Cia402Chair:
         self._last_ns = now_ns
         frames = self.left.tick(now_ns, dt_s) + self.right.tick(now_ns, dt_s)
         left, right = self.left.speed, self.right.speed * self.right_sign
-        self.body.forward = (left + right) / 2.0 / self.full
-        self.body.left = (right - left) / 2.0 / self.full
+        self.body.drive.value = (left + right) / 2.0 / self.full
+        self.body.steer.value = (right - left) / 2.0 / self.full
         return frames

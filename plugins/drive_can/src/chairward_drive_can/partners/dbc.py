@@ -21,6 +21,7 @@ class DbcChair:
     full_turn: float = 0.8
     silence_ms: int = 100
     status_ms: int = 20
+    boot_ms: int = 0
     fault: int = 0
     user: int = 0
     battery: float = 80.0
@@ -33,9 +34,12 @@ class DbcChair:
     _heard_ns: int = 0
     _last_ns: int = 0
     _due_ns: int = 0
+    _born_ns: int = 0
 
     def hear(self, frame: Frame, now_ns: int) -> list[Frame]:
         """Obey a command message if it is whole."""
+        if not self._born_ns or now_ns - self._born_ns < self.boot_ms * MS:
+            return []
         wanted = {self.table.forward.partition(".")[0], self.table.turn.partition(".")[0]}
         for name in wanted:
             message = self.database.get_message_by_name(name)
@@ -51,6 +55,9 @@ class DbcChair:
         self._heard_ns = now_ns
         if self.table.enable in values:
             self.enabled = values[self.table.enable] == self.table.enable_on
+            if self.table.enable_stop is not None and values[self.table.enable] == self.table.enable_stop:
+                self.body.halt()
+                return
         forward, turn = float(values.get(self.table.forward, 0.0)), float(values.get(self.table.turn, 0.0))
         self.moves_heard += forward != 0.0 or turn != 0.0
         allowed = (self.enabled or self.table.enable is None) and not (self.fault or self.user)
@@ -77,7 +84,10 @@ class DbcChair:
         if now_ns - self._heard_ns > self.silence_ms * MS:
             self.body.aim(0.0, 0.0)
             self.enabled = False
-        if now_ns < self._due_ns:
+        if self.user:
+            self.body.halt()
+        self._born_ns = self._born_ns or now_ns
+        if now_ns < self._due_ns or now_ns - self._born_ns < self.boot_ms * MS:
             return []
         self._due_ns = now_ns + self.status_ms * MS
         values = {

@@ -1,0 +1,1 @@
+"""An example DBC file, for the simulated controller and the tests."""
