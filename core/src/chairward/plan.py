@@ -40,7 +40,7 @@ class LanePlan:
     freshness_ns: how old the newest report of each vetoing stage, recognizer or stop device of it may be.
     covers: the ways its sensors watch (declared, rule 10). may: the buttons it is entitled to press.
     stop_device: its Alive is a required vote. ends_run: the run ends when its source has given everything.
-    observes: its source also gets a copy of every record and sees all lanes' pictures (a screen that shows and presses).
+    observes: its source also gets copies of all records and of all pictures (a screen that shows and presses).
     """
 
     name: str
