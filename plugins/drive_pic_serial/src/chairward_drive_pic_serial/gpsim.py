@@ -1,0 +1,185 @@
+"""The real firmware in gpsim, driven through its command line in lock-step slices (no C++, only Debian packages).
+
+Each `advance` hands gpsim the bytes of the line, lets it run to an exact instruction cycle and reads back bytes, ports
+and registers. Time stands still in between, so tests are exact and as fast as the machine (some 10x real time).
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from chairward_drive_pic_serial import wire
+from chairward_drive_pic_serial.firmware import FirmwareError, assemble
+from chairward_drive_pic_serial.model import CYCLES_PER_US, PWM_STEPS, Pins
+
+STATE, FAULT = 0x2A, 0x2B
+"""Addresses of `state` and `fault` in drive.asm's RAM (a test reads them from the listing)."""
+_BYTE = re.compile(rb"<([0-9A-F]{2})>")
+_SCRIPT = """load s drive.cod
+frequency 20000000
+p16f877a.BreakOnReset = false
+module library libgpsim_modules
+module load usart U1
+U1.txbaud = {baud}
+U1.rxbaud = {baud}
+U1.console = true
+U1.hex = true
+node ntx
+node nrx
+attach ntx portc6 U1.RXPIN
+attach nrx portc7 U1.TXPIN
+module load pullup STOP
+STOP.resistance = 100
+STOP.voltage = 0
+node nstop
+attach nstop portb0 STOP.pin
+module load pullup CHARGER
+CHARGER.resistance = 100
+CHARGER.voltage = 0
+node ncharger
+attach ncharger portb1 CHARGER.pin
+module load pullup BATTERY
+BATTERY.resistance = 100
+BATTERY.voltage = 5
+node nbattery
+attach nbattery porta0 BATTERY.pin
+"""
+
+
+class Gpsim:
+    """One gpsim process with the firmware in it; an `Engine`. Raises FirmwareError when the packages are missing."""
+
+    def __init__(self, defines: Sequence[str] = (), *, battery: int = 255) -> None:
+        gpsim = shutil.which("gpsim")
+        if gpsim is None:
+            raise FirmwareError("gpsim is not installed: sudo apt-get install gpsim gputils")
+        self._folder = tempfile.TemporaryDirectory(prefix="chairward-gpsim-")
+        folder = Path(self._folder.name)
+        assemble(folder, defines)
+        (folder / "pic.stc").write_text(_SCRIPT.format(baud=wire.BAUD))
+        self._process = subprocess.Popen(
+            [gpsim, "-i", "-c", "pic.stc"],
+            cwd=folder,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            bufsize=0,
+            env={**os.environ, "HOME": str(folder)},  # keeps its readline history out of the person's home
+            start_new_session=True,
+        )
+        self._asked: list[str] = []
+        self._out = bytearray()
+        self._unread = b""
+        self._portd = self._steer = self._drive = self._state = self._fault = 0
+        self.now = 0
+        self.set_inputs(battery=battery)
+        self.advance(100)
+
+    def feed(self, data: bytes) -> None:
+        """Bytes from the host."""
+        self._asked += [f"U1.tx = {byte}" for byte in data]
+
+    def take(self) -> bytes:
+        """The bytes that have left the PIC since the last call."""
+        data = bytes(self._out)
+        self._out.clear()
+        return data
+
+    def advance(self, microseconds: float) -> None:
+        """Run to an exact cycle."""
+        self.now += round(microseconds * CYCLES_PER_US)
+        self._asked += [f"break c {self.now}", "run", "portd", "ccpr1l", "ccpr2l"]
+        self._asked += [f"reg({STATE:#x})", f"reg({FAULT:#x})"]
+        self._write("\n".join(self._asked) + "\n")
+        self._asked.clear()
+        text = self._until(re.compile(rb"fault\S* = \$([0-9a-f]{2})\b"))
+        ran = text[text.index(b"running...") :]
+        self._out += bytes(int(pair, 16) for pair in _BYTE.findall(ran))
+        self._portd = _value(ran, rb"portd")
+        self._steer = _value(ran, rb"ccpr1l")
+        self._drive = _value(ran, rb"ccpr2l")
+        self._state = _value(ran, rb"state")
+        self._fault = _value(ran, rb"fault")
+
+    def pins(self) -> Pins:
+        """Ports and PWM registers as pins."""
+        d = self._portd
+        return Pins(
+            d & 1,
+            d >> 1 & 1,
+            self._steer / PWM_STEPS,
+            d >> 2 & 1,
+            d >> 3 & 1,
+            self._drive / PWM_STEPS,
+            int(not d & 0x80),
+            d >> 4 & 1,
+            d >> 5 & 1,
+        )
+
+    def registers(self) -> tuple[int, int]:
+        """(state, fault) from RAM."""
+        return self._state, self._fault
+
+    def set_inputs(self, *, stop: bool | None = None, charger: bool | None = None, battery: int | None = None) -> None:
+        """Voltages at RB0, RB1 and AN0."""
+        if stop is not None:
+            self._asked.append(f"STOP.voltage = {5 if stop else 0}")
+        if charger is not None:
+            self._asked.append(f"CHARGER.voltage = {5 if charger else 0}")
+        if battery is not None:
+            self._asked.append(f"BATTERY.voltage = {min(5.0, (battery + 0.5) / 256 * 5.0):.5f}")
+
+    def restart(self) -> None:
+        """Reset pin."""
+        self._asked.append("reset")
+
+    def close(self) -> None:
+        """End the process; may be called twice."""
+        if self._process.poll() is None:
+            self._process.kill()
+        self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                pipe.close()
+        self._folder.cleanup()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _write(self, text: str) -> None:
+        assert self._process.stdin is not None
+        self._process.stdin.write(text.encode())
+
+    def _until(self, pattern: re.Pattern[bytes]) -> bytes:
+        """gpsim's output up to and with the pattern."""
+        assert self._process.stdout is not None
+        while True:
+            found = pattern.search(self._unread)
+            if found:
+                text, self._unread = self._unread[: found.end()], self._unread[found.end() :]
+                return text
+            more = self._process.stdout.read(65536)
+            if not more:
+                raise FirmwareError(f"gpsim has ended: {self._unread[-300:].decode(errors='replace')}")
+            self._unread += more
+
+
+def _value(text: bytes, name: bytes) -> int:
+    """The last `name = 0x12` or `name[...] = $12` in gpsim's output."""
+    found = re.findall(name + rb"\S* = (?:0x|\$)([0-9a-fA-F]+)", text)
+    if not found:
+        raise FirmwareError(f"gpsim did not tell {name.decode()}: {text[-300:].decode(errors='replace')}")
+    return int(found[-1], 16)

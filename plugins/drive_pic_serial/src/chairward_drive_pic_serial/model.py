@@ -1,0 +1,403 @@
+"""The firmware in Python, step by step as firmware/drive.asm: bytes in, bytes out, pins, time in instruction cycles.
+
+The tests hold it against the real firmware in gpsim, state by state. It stands in for gpsim where that is not
+installed, and it runs some hundred times faster.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from fastcrc import crc16
+
+from chairward_drive_pic_serial import wire
+from chairward_drive_pic_serial.wire import Ask, Fault, Input, Reason, Reply, State, Why, signed
+
+CYCLES_PER_US = 5
+TICK_CYCLES = 5_000
+BOOT_CYCLES = 50_500
+"""From reset to the first running tick: mostly one EEPROM write of 10 ms in gpsim, 4 to 8 ms in a real part."""
+RX_BYTE_CYCLES = 10 * 5_000_000 / wire.BAUD
+TX_BYTE_CYCLES = 880
+"""The PIC's own clock divides to 56818 baud."""
+
+TIMEOUT_MS = 195
+DEAD_MS = 20
+SWITCH_MS = 2
+PARK_MS = 250
+DEBOUNCE_MS = 3
+RISE_MS = 8
+FALL_MS = 5
+RATE_MAX_MS = 50
+RX_MAX = 12
+RING, RING_MAX = 64, 51
+PWM_STEPS = 250
+
+
+class Pins(NamedTuple):
+    """What the pins do. duty 0..1; in1, in2: bridge inputs (1, 0 is forward or left, equal with duty short-brakes)."""
+
+    steer_in1: int
+    steer_in2: int
+    steer_duty: float
+    drive_in1: int
+    drive_in2: int
+    drive_duty: float
+    brake: int
+    armed: int
+    fault: int
+
+
+@dataclass(slots=True)
+class Motor:
+    """One motor: target and applied value in hundredths, ms with the bridge off, held by the short-brake."""
+
+    target: int = 0
+    applied: int = 0
+    dead: int = 0
+    held: bool = True
+
+    def step(self, *, rise: bool, fall: bool) -> None:
+        """One tick, as `motor` in drive.asm."""
+        target, applied = self.target, self.applied
+        if self.dead:
+            self.dead -= 1
+        elif applied == 0:
+            if target == 0:
+                self.held = True
+            elif self.held:
+                self.held, self.dead = False, SWITCH_MS
+            elif rise:
+                self.applied = 1 if target > 0 else -1
+        elif applied != target:
+            sign = 1 if applied > 0 else -1
+            if target * sign > applied * sign:
+                if rise:
+                    self.applied += sign
+            elif fall:
+                self.applied -= sign
+                if self.applied == 0:
+                    self.dead = DEAD_MS
+
+    def brake(self) -> None:
+        """Hard stop: bridge off for a moment, then short-brake."""
+        self.target = 0
+        if self.applied:
+            self.applied, self.held, self.dead = 0, False, SWITCH_MS
+
+    def pins(self) -> tuple[int, int, float]:
+        """in1, in2, duty."""
+        if self.applied:
+            steps = abs(self.applied) * 5 // 2
+            return int(self.applied > 0), int(self.applied < 0), steps / PWM_STEPS
+        return 0, 0, 1.0 if self.held else 0.0
+
+
+class FirmwareModel:
+    """A PIC with the firmware in it. Inputs: `stop_input`, `charger` (pin high), `battery` (0..255)."""
+
+    def __init__(self, *, resets: int = 0, battery: int = 255, running: bool = False) -> None:
+        self.nonce = resets
+        self.stop_input = False
+        self.charger = False
+        self.battery_pin = battery
+        self.now = 0
+        self._out = bytearray()
+        self.reset(Reason.POWER_ON)
+        if running:
+            self.advance_cycles(BOOT_CYCLES)
+
+    def reset(self, reason: Reason = Reason.RESET_PIN) -> None:
+        """Everything the RAM held is gone, the pins are safe at once, the nonce counts one up."""
+        self.nonce = (self.nonce + 1) & 0xFFFF
+        self.reason = reason
+        self.state, self.fault, self.inputs = State.BOOT, Fault(0), Input(0)
+        self.tick_to = self.seq = self.last = self.battery = 0
+        self.rise = self.rise_c = RISE_MS
+        self.fall = self.fall_c = FALL_MS
+        self.park = PARK_MS
+        self.stop_c = self.chg_c = 0
+        self.steer, self.drive = Motor(), Motor()
+        self._rx: deque[tuple[float, int]] = deque()
+        self._rx_free = 0.0
+        self._buf, self._rem, self._first, self._rerr = bytearray(), 0, True, False
+        self._ring: deque[int] = deque()
+        self._hold: int | None = None
+        self._shift: int | None = None
+        self._shift_end = 0
+        self._booted = False
+        self._next_tick = self.now + BOOT_CYCLES
+
+    # ---- the world's side
+
+    def feed(self, data: bytes) -> None:
+        """Bytes from the host; each takes its time on the line."""
+        at = max(self._rx_free, float(self.now))
+        for byte in data:
+            at += RX_BYTE_CYCLES
+            self._rx.append((at, byte))
+        self._rx_free = at
+
+    def take(self) -> bytes:
+        """The bytes that have left the PIC since the last call."""
+        data = bytes(self._out)
+        self._out.clear()
+        return data
+
+    def advance(self, microseconds: float) -> None:
+        """Let time pass."""
+        self.advance_cycles(round(microseconds * CYCLES_PER_US))
+
+    def advance_cycles(self, cycles: int) -> None:
+        """Let instruction cycles pass."""
+        end = self.now + cycles
+        while True:
+            rx = self._rx[0][0] if self._rx else end + 1
+            tx = self._shift_end if self._shift is not None else end + 1
+            at = min(rx, tx, self._next_tick)
+            if at > end:
+                break
+            self.now = max(self.now, int(at))
+            if at == rx:
+                self._receive(self._rx.popleft()[1])
+            elif at == tx:
+                self._out.append(self._shift or 0)
+                self._shift = None
+            else:
+                self._next_tick += TICK_CYCLES
+                self._tick() if self._booted else self._boot()
+            self._pump()
+        self.now = end
+
+    def pins(self) -> Pins:
+        """The pins now; all safe until the reset is over."""
+        if not self._booted:
+            return Pins(0, 0, 0.0, 0, 0, 0.0, 1, 0, 0)
+        return Pins(
+            *self.steer.pins(),
+            *self.drive.pins(),
+            int(self.park == PARK_MS),
+            int(self.state == State.ARMED),
+            int(self.fault != 0),
+        )
+
+    # ---- the firmware
+
+    def _boot(self) -> None:
+        self._booted = True
+        self.seq = 0
+        self._reply_hello()
+
+    def _tick(self) -> None:
+        self.battery = self.battery_pin
+        if not self.stop_input:
+            self.stop_c = 0
+            self.inputs &= ~Input.STOP
+        elif self.stop_c < DEBOUNCE_MS:
+            self.stop_c += 1
+            if self.stop_c == DEBOUNCE_MS:
+                self.inputs |= Input.STOP
+                self.fault |= Fault.STOP_INPUT
+                self._latch()
+                self._event()
+        if not self.charger:
+            self.chg_c = 0
+            self.inputs &= ~Input.CHARGER
+        elif self.chg_c < DEBOUNCE_MS:
+            self.chg_c += 1
+            if self.chg_c == DEBOUNCE_MS:
+                self.inputs |= Input.CHARGER
+                self._disarm()
+                self._event()
+        if self.tick_to:
+            self.tick_to -= 1
+            if self.tick_to == 0:
+                self.fault |= Fault.SILENCE
+                self._disarm()
+                self._event()
+        self.rise_c -= 1
+        rise = self.rise_c == 0
+        if rise:
+            self.rise_c = self.rise
+        self.fall_c -= 1
+        fall = self.fall_c == 0
+        if fall:
+            self.fall_c = self.fall
+        steer, drive = self.steer, self.drive
+        steer.step(rise=rise, fall=fall)
+        drive.step(rise=rise, fall=fall)
+        if steer.target or steer.applied or drive.target or drive.applied:
+            self.park = 0
+        elif steer.held and drive.held and self.park != PARK_MS:
+            self.park += 1
+
+    def _latch(self) -> None:
+        self.state = State.ESTOP
+        self._standby()
+
+    def _disarm(self) -> None:
+        if self.state == State.ARMED:
+            self.state = State.NEUTRAL
+        self._standby()
+
+    def _standby(self) -> None:
+        self.tick_to = 0
+        self._brake()
+
+    def _brake(self) -> None:
+        self.steer.brake()
+        self.drive.brake()
+        self.park = PARK_MS
+
+    def _receive(self, byte: int) -> None:
+        if not self._booted:
+            return
+        if byte == 0:
+            self._frame_end()
+            self._buf.clear()
+            self._rem, self._first, self._rerr = 0, True, False
+        elif self._rem:
+            self._rem -= 1
+            self._append(byte)
+        else:
+            if not self._first:
+                self._append(0)
+            self._first = False
+            self._rem = byte - 1
+
+    def _append(self, byte: int) -> None:
+        if len(self._buf) >= RX_MAX:
+            self._rerr = True
+        else:
+            self._buf.append(byte)
+
+    def _frame_end(self) -> None:
+        if not self._rerr and self._first:
+            return
+        if self._rerr or self._rem or len(self._buf) < wire.SHORTEST:
+            self.seq = 0
+            self._nak(Why.FRAME)
+        elif crc16.ibm_3740(bytes(self._buf)) != 0:
+            self.seq = 0
+            self._nak(Why.CRC)
+        else:
+            self.seq = self._buf[1]
+            why = self._obey(self._buf[0], bytes(self._buf[2:-2]))
+            if why:
+                self._nak(why)
+
+    def _obey(self, kind: int, body: bytes) -> Why | None:
+        """Length, sequence, range, state; then obey and answer. The reason where it is refused."""
+        sizes = {Ask.DRIVE: 2, Ask.HELLO: 2, Ask.ESTOP: 0, Ask.CLEAR: 2, Ask.BRAKE: 1}
+        if kind not in sizes:
+            return Why.TYPE
+        if len(body) != sizes[Ask(kind)]:
+            return Why.FRAME
+        if kind == Ask.HELLO:
+            return self._hello(*body)
+        if kind == Ask.ESTOP:
+            self.fault |= Fault.HOST
+            self._latch()
+            self._status()
+            return None
+        if not 1 <= (self.seq - self.last) & 0xFF <= 127:
+            return Why.SEQ
+        self.last = self.seq
+        if kind == Ask.CLEAR:
+            return self._clear(body[0] << 8 | body[1])
+        if kind == Ask.BRAKE:
+            return self._brake_frame(body[0])
+        return self._drive_frame(signed(body[0]), signed(body[1]))
+
+    def _hello(self, rise: int, fall: int) -> Why | None:
+        if not (1 <= rise <= RATE_MAX_MS and 1 <= fall <= RATE_MAX_MS):
+            return Why.RANGE
+        self.rise = self.rise_c = rise
+        self.fall = self.fall_c = fall
+        self.last = self.seq
+        self.fault &= ~Fault.SILENCE
+        if self.state != State.ESTOP:
+            self.state = State.NEUTRAL
+        self._standby()
+        self._reply_hello()
+        return None
+
+    def _clear(self, nonce: int) -> Why | None:
+        if nonce != self.nonce:
+            return Why.NONCE
+        if self.state == State.BOOT or self.inputs & Input.STOP:
+            return Why.STATE
+        self._standby()
+        self.fault &= ~(Fault.STOP_INPUT | Fault.HOST)
+        self.state = State.NEUTRAL
+        self._status()
+        return None
+
+    def _brake_frame(self, mode: int) -> Why | None:
+        if mode > 1:
+            return Why.RANGE
+        if mode == 1:
+            self._disarm()
+        else:
+            self._brake()
+            if self.state == State.ARMED:
+                self.tick_to = TIMEOUT_MS
+        self._status()
+        return None
+
+    def _drive_frame(self, steer: int, drive: int) -> Why | None:
+        if abs(steer) > wire.FULL or abs(drive) > wire.FULL:
+            return Why.RANGE
+        if self.state != State.ARMED:
+            if self.state != State.NEUTRAL or steer or drive:
+                return Why.STATE
+            if self.inputs & Input.CHARGER:
+                return Why.CHARGING
+            self.state = State.ARMED
+            self.fault &= ~Fault.SILENCE
+        self.tick_to = TIMEOUT_MS
+        self.steer.target, self.drive.target = steer, drive
+        self._status()
+        return None
+
+    # ---- replies
+
+    def _event(self) -> None:
+        self.seq = 0
+        self._status()
+
+    def _status(self) -> None:
+        self._refresh_inputs()
+        self._send(
+            Reply.STATUS, self.state, self.fault, self.steer.applied, self.drive.applied, self.battery, self.inputs
+        )
+
+    def _refresh_inputs(self) -> None:
+        self.inputs &= Input.STOP | Input.CHARGER
+        if self.park == PARK_MS:
+            self.inputs |= Input.BRAKE
+        if not self.steer.applied and not self.drive.applied:
+            self.inputs |= Input.STANDING
+
+    def _reply_hello(self) -> None:
+        self._send(Reply.HELLO, wire.PROTOCOL, self.state, self.nonce >> 8, self.nonce & 0xFF, self.reason, TIMEOUT_MS)
+
+    def _nak(self, why: Why) -> None:
+        self._send(Reply.NAK, why, self.state, self.fault, self.last, 0, 0)
+
+    def _send(self, kind: Reply, *body: int) -> None:
+        if len(self._ring) <= RING_MAX:
+            self._ring.extend(wire.encode(bytes([kind, self.seq, *(b & 0xFF for b in body)])))
+
+    def _pump(self) -> None:
+        while self._ring or self._hold is not None:
+            if self._shift is None:
+                self._shift = self._hold if self._hold is not None else self._ring.popleft()
+                self._hold = None
+                self._shift_end = self.now + TX_BYTE_CYCLES
+            elif self._hold is None:
+                self._hold = self._ring.popleft()
+            else:
+                break

@@ -1,0 +1,28 @@
+"""The drive contract on the Python model and on the real firmware in gpsim."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from chairward.testing import (
+    DriveContract,
+    ExclusivePortContract,
+    PowerContract,
+    RampContract,
+    StopInputContract,
+)
+from chairward_drive_pic_serial.engine import Engine
+from chairward_drive_pic_serial.rig import PicRig
+
+
+class TestPicSerial(DriveContract, RampContract, StopInputContract, PowerContract, ExclusivePortContract):
+    """All that fit; the version contract is in test_pic_drive.py (gpsim has one firmware)."""
+
+    @pytest.fixture
+    def rig(self, engine: Engine, tmp_path: Path) -> Iterator[PicRig]:
+        rig = PicRig(engine, tmp_path)
+        yield rig
+        rig.close()
