@@ -43,10 +43,10 @@ def dotted(path: Sequence[int | str]) -> str:
 def sentence(error: ValidationError, model: type[BaseModel], raw: Mapping[str, Any]) -> tuple[list[int | str], str]:
     """The path of the first mistake in `raw` and what to say about it ("= 'x': input should be ...").
 
-    Keys come first: a mistyped key is the likeliest cause of a missing one.
+    Mistyped keys come first, missing ones last: the one is the likeliest cause of the other.
     """
     problems = error.errors(include_url=False)
-    first = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
+    first = min(problems, key=lambda p: {"extra_forbidden": 0, "missing": 2}.get(p["type"], 1))
     path = _in_raw(raw, first["loc"])
     more = f" ({len(problems) - 1} more like it)" if len(problems) > 1 else ""
     if first["type"] == "extra_forbidden":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import degrees, hypot
+from math import ceil, degrees, hypot
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import platformdirs
 from chairward.components import Component, Footprint, Pose
 from chairward.envelope import Caps
 from chairward.facts import MS, Limits
-from chairward.messages import Command
+from chairward.messages import Command, Way
 from chairward.plan import ChairKind, LanePlan, Part, Plan
 from chairward.plugins import PluginError, Registry
 from chairward.profile import files, lanes, refusals
@@ -130,7 +130,8 @@ class _Loading:
         refusals.covers_ahead(self.label, found)
         refusals.ridden(self.chair, self.label, found, slots, made)
         freshness = max(limit.freshness_ns for limit in votes.sensors.values()) // MS
-        proof = prove(limits, self.chair.stopping, freshness, self._limit_place)
+        behind = any(Way.BEHIND in limit.covers for limit in votes.sensors.values())
+        proof = prove(limits, self.chair.stopping, freshness, self._limit_place, sees_behind=behind)
         by_place = {slot.where: part for slot, part in zip(slots, made, strict=True)}
         plan = self._plan(found, drive, by_place, _limits(limits, self.chair, votes, proof))
         return Loaded(plan, proof, self._origins(slots))
@@ -231,7 +232,7 @@ class _Loading:
             for change in self.overrides
             if change.table == name
         ]
-        return Slot(component, tuple(layer for layer in layers if layer.values), where, lane)
+        return Slot(component, tuple(layer for layer in layers if layer.values), where, f"{self.label}: {place}", lane)
 
     def _check_used(self, slots: Sequence[Slot]) -> None:
         """Settings of a component that is not in this chair are mistakes, not wishes."""
@@ -315,6 +316,7 @@ def _limits(limits: LimitsTable, chair: Chair, votes: Votes, proof: Proof) -> Li
         turn_deg_s=turn,
         arc_mm_s=min(float(limits.arc_mm_s), forward),
         stop_mm=limits.stop_mm,
+        turn_clear_mm=max(limits.turn_clear_mm, ceil(toes_mm - chair.footprint.half_width_mm)),
         avoid_mm=limits.avoid_mm,
         avoid_mm_s=min(float(limits.avoid_mm_s), forward),
         steer_deg_s=min(limits.steer_deg_s, turn),

@@ -46,19 +46,36 @@ def looser(mark: Safer | None, chair: Any, person: Any) -> bool:
     return True
 
 
-def validated(model: type[M], raw: Mapping[str, Any], where: str) -> M:
-    """The model made from TOML values: types are not guessed ("600" is no number). Raises ProfileError.
+class WrongError(Exception):
+    """One wrong value: the key ("" for the table as a whole) and what to say behind it."""
 
-    where: "chairs/sim.toml: limits." or "chairs/sim.toml: ", put before the key.
-    """
+    def __init__(self, key: str, text: str) -> None:
+        super().__init__(f"{key} {text}")
+        self.key, self.text = key, text
+
+
+def parse(model: type[M], raw: Mapping[str, Any]) -> M:
+    """The model made from TOML values: types are not guessed ("600" is no number). Raises WrongError."""
     try:
         return model.model_validate_json(json.dumps(raw, default=_as_text), strict=True)
     except ValidationError as error:
         path, text = sentence(error, model, raw)
-        start = where + dotted(path) if path else where.rstrip(": .")
-        raise ProfileError(f"{start} {text}" if path else f"{start}: {text}") from None
+        raise WrongError(dotted(path), text) from None
     except (ValueError, RecursionError) as error:
-        raise ProfileError(f"{where.rstrip(': .')}: {error or 'nested too deeply'}") from None
+        raise WrongError("", str(error) or "is nested too deeply") from None
+
+
+def validated(model: type[M], raw: Mapping[str, Any], where: str) -> M:
+    """As `parse`, but raises ProfileError. where: "chairs/sim.toml: limits." or "chairs/sim.toml: ", before the key."""
+    try:
+        return parse(model, raw)
+    except WrongError as wrong:
+        raise ProfileError(placed(wrong, where)) from None
+
+
+def placed(wrong: WrongError, where: str) -> str:
+    """The sentence for a wrong value in the table that begins with `where`."""
+    return f"{where}{wrong.key} {wrong.text}" if wrong.key else f"{where.rstrip(': .')}: {wrong.text}"
 
 
 def merge(chair: M, person: Mapping[str, Any], where: str) -> M:

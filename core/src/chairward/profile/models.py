@@ -57,6 +57,9 @@ class LimitsTable(Strict):
     avoid_mm: Annotated[int, Safer.HIGHER] = Field(
         default=750, ge=600, le=4000, description="an obstacle this near makes the chair slow down and steer"
     )
+    turn_clear_mm: Annotated[int, Safer.HIGHER] = Field(
+        default=250, ge=0, le=2000, description="room beside the outline to turn; never less than the toes swing out"
+    )
     near_loss_mm: Annotated[int, Safer.HIGHER] = Field(
         default=800, ge=600, le=4000, description="an obstacle last seen nearer than this is still there"
     )

@@ -1,22 +1,27 @@
 """The proof of distances: can the chair always stop in what its sensors see, and before it comes too near?
 
 Reaction is the sum of what may pass before the brakes act: a reading as old as its limit, sensing, a tick, the wire and
-the controller's own watchdog. Deceleration is what is left of the measured one on the steepest slope allowed. While the
-chair reacts and brakes, somebody may come towards it. From the first sight of an obstacle the chair must stand before
-stop_mm (rule 3 then holds it there at every distance in between); and stop_mm less what a wrong reading and the
-creep behind a blind sensor cost must not fall below 450 mm.
+the controller's own watchdog. Deceleration is what is left of the measured one on the steepest slope allowed.
+
+1. From the first sight of an obstacle the chair must be able to stand before stop_mm, also when somebody comes towards
+   it while it reacts and brakes.
+2. Rule 3 then slows it down while it comes nearer. `closest_mm` drives at a wall under that rule with every delay and
+   error at its limit, and lets the guard die at the worst instant: it must never come nearer than 450 mm.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil, floor
 
+from chairward import rules
 from chairward.profile.errors import ProfileError
 from chairward.profile.models import PROTECTED_MM, LimitsTable, StoppingTable
 from chairward.stopping import decel_on_slope_mm_s2, largest_speed_mm_s, stopping_distance_mm
 
+STEP_S = 0.005
 Where = Callable[[str], str]
 """A key of the limits or stopping table -> how errors name its place ("people/asha.toml: limits.forward_mm_s")."""
 
@@ -57,10 +62,45 @@ def largest_mm_s(room_mm: float, reaction: float, decel_mm_s2: float, closing_mm
     )
 
 
-def prove(limits: LimitsTable, stopping: StoppingTable, freshness_ms: int, where: Where) -> Proof:
+def closest_mm(
+    limits: LimitsTable, stopping: StoppingTable, reaction: float, decel_mm_s2: float, *, crawl: bool = True
+) -> float:
+    """How near the chair comes to a wall at worst.
+
+    It starts at full speed before rule 3 has anything to say. Each reading is as late as all delays together (but for the
+    watchdog) and as much too long as its error; rule 3 turns it into a speed, braking and gathering speed as the drive
+    does. At every instant the guard may die: the last speed is kept for the watchdog's time, then the brakes act.
+    A crawl past a blind sensor (rule 5) ends in the same way, at stop_mm.
+    """
+    watchdog = stopping.watchdog_ms / 1000.0
+    creep = min(rules.CREEP_MM_S, largest_speed_mm_s(rules.CREEP_ROOM_MM, reaction, decel_mm_s2))
+    speed = float(limits.forward_mm_s)
+    full = limits.stop_mm + stopping_distance_mm(speed, reaction, decel_mm_s2) + stopping.sensor_error_mm
+    distance = min(float(stopping.sensor_range_mm), full)
+    late = deque([distance] * ceil((reaction - watchdog) / STEP_S))
+    nearest = limits.stop_mm - stopping.sensor_error_mm - stopping_distance_mm(creep, reaction, decel_mm_s2)
+    if crawl:
+        way = stopping_distance_mm(limits.crawl_mm_s, reaction, decel_mm_s2)
+        nearest = min(nearest, limits.stop_mm - stopping.sensor_error_mm - way)
+    while speed > 0.0:
+        late.append(distance)
+        room = late.popleft() + stopping.sensor_error_mm - limits.stop_mm
+        allowed = max(creep, largest_speed_mm_s(room, reaction, decel_mm_s2)) if room > 0.0 else 0.0
+        allowed = min(allowed, limits.forward_mm_s)
+        change = -decel_mm_s2 if allowed < speed else float(limits.accel_mm_s2)
+        speed = max(speed + change * STEP_S, allowed) if change < 0.0 else min(speed + change * STEP_S, allowed)
+        distance -= speed * STEP_S
+        nearest = min(nearest, distance - stopping_distance_mm(speed, watchdog, decel_mm_s2))
+    return nearest
+
+
+def prove(
+    limits: LimitsTable, stopping: StoppingTable, freshness_ms: int, where: Where, *, sees_behind: bool = False
+) -> Proof:
     """The proof, or ProfileError with the largest speed (or other value) that fits.
 
-    freshness_ms: the longest limit of any sensor of distances.
+    freshness_ms: the longest limit of any sensor of distances. sees_behind: one of them watches the way back; without
+    one, rule 10 keeps that way slow, and there is no distance to prove.
     """
     reaction = reaction_s(freshness_ms, stopping)
     decel = decel_on_slope_mm_s2(stopping.decel_mm_s2, stopping.slope_percent)
@@ -71,6 +111,8 @@ def prove(limits: LimitsTable, stopping: StoppingTable, freshness_ms: int, where
         )
     room = float(stopping.sensor_range_mm - limits.stop_mm)
     speeds = {"forward_mm_s": limits.forward_mm_s, "arc_mm_s": min(limits.arc_mm_s, limits.forward_mm_s)}
+    if sees_behind:
+        speeds["backward_mm_s"] = limits.backward_mm_s
     for key, speed in speeds.items():
         needed = needed_mm(speed, reaction, decel, stopping.closing_mm_s)
         if needed > room:
@@ -81,15 +123,14 @@ def prove(limits: LimitsTable, stopping: StoppingTable, freshness_ms: int, where
                 f"ms, {decel:.0f} mm/s² on the slope, somebody coming at {stopping.closing_mm_s} mm/s), but from first "
                 f"sight at {stopping.sensor_range_mm} mm to stop_mm = {limits.stop_mm} it has {room:.0f} mm: {advice}"
             )
-    creep = stopping_distance_mm(limits.crawl_mm_s, reaction, decel)
-    nearest = limits.stop_mm - stopping.sensor_error_mm - creep
+    nearest = closest_mm(limits, stopping, reaction, decel)
     if nearest < PROTECTED_MM:
-        spare = limits.stop_mm - stopping.sensor_error_mm - PROTECTED_MM
-        fits = floor(largest_speed_mm_s(spare, reaction, decel))
+        key = "crawl_mm_s" if closest_mm(limits, stopping, reaction, decel, crawl=False) >= PROTECTED_MM else "stop_mm"
         raise ProfileError(
-            f"{where('crawl_mm_s')} = {limits.crawl_mm_s}: the chair could come as near as {floor(nearest)} mm "
-            f"(stop_mm = {limits.stop_mm} less {stopping.sensor_error_mm} mm sensor error and {ceil(creep)} mm to stop "
-            f"from a crawl), allowed is {PROTECTED_MM}: at most {fits} fits, or raise stop_mm"
+            f"{where(key)} = {getattr(limits, key)}: driving at a wall the chair could come as near as "
+            f"{floor(nearest)} mm (reaction {reaction * 1000:.0f} ms, {decel:.0f} mm/s², readings wrong by "
+            f"{stopping.sensor_error_mm} mm), allowed is {PROTECTED_MM}: raise stop_mm to {ceil(limits.stop_mm + PROTECTED_MM - nearest)}"
+            + (" or lower crawl_mm_s" if key == "crawl_mm_s" else "")
         )
     total = needed_mm(limits.forward_mm_s, reaction, decel, stopping.closing_mm_s)
     return Proof(reaction, decel, total, room, nearest)

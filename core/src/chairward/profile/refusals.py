@@ -7,7 +7,7 @@ import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from chairward.messages import Command
+from chairward.messages import Command, Way
 from chairward.plan import ChairKind, Part
 from chairward.profile.errors import ProfileError, shown
 from chairward.profile.lanes import Lane, Votes
@@ -63,7 +63,7 @@ def stop_device(chair_label: str, votes: Votes) -> None:
 
 def covers_ahead(chair_label: str, lanes: Sequence[Lane]) -> None:
     """Refuse a chair that could never go forward because nothing looks there."""
-    if not any("ahead" in lane.table.covers for lane in lanes):
+    if not any(Way.AHEAD in lane.table.covers for lane in lanes):
         raise ProfileError(f"{chair_label}: no lane with a distance sensor covers 'ahead': add one, nothing could move")
 
 

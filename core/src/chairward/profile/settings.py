@@ -19,7 +19,7 @@ from pydantic_core import PydanticUndefined, to_jsonable_python
 from chairward.components import Component, Settings
 from chairward.plan import Part
 from chairward.profile.errors import ProfileError, shown
-from chairward.profile.merge import bound, looser, mark_of, validated
+from chairward.profile.merge import WrongError, bound, looser, mark_of, parse, placed
 from chairward.profile.models import Interval
 
 _REFERENCE = re.compile(r"@([A-Za-z0-9_-]+)\.([A-Za-z0-9_]+)")
@@ -41,16 +41,20 @@ class Layer:
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """A place in the chair where a component works. lane: "" outside lanes. Later layers win."""
+    """A place in the chair where a component works ("lane.front.eyes"). Later layers win.
+
+    home: how errors call the place for a key that nobody has set. lane: "" outside lanes.
+    """
 
     component: Component
     layers: tuple[Layer, ...]
     where: str
+    home: str
     lane: str = ""
 
     def origin(self, key: str) -> str:
         """The place that decides a key, up to the key."""
-        return next((layer.where for layer in reversed(self.layers) if key in layer.values), self.where)
+        return next((layer.where for layer in reversed(self.layers) if key in layer.values), self.home)
 
 
 Choices = Mapping[str, Mapping[str, Sequence[Any] | Interval]]
@@ -104,19 +108,11 @@ def _allowed(
 
 def _validate(slot: Slot, raw: Mapping[str, Any]) -> Settings:
     """The component's settings made from raw values; the error names the layer of the key that is wrong."""
-    model = slot.component.settings
     try:
-        return validated(model, raw, "\n")
-    except ProfileError as error:
-        text = str(error).removeprefix("\n")
-        key = re.split(r"[ .:]", text, maxsplit=1)[0]
-        if not str(error).startswith("\n"):
-            return _fail(f"{slot.where.rstrip('.')} ({slot.component.name}): {text.removeprefix(': ')}")
-        return _fail(f"{slot.origin(key)}{text}")
-
-
-def _fail(text: str) -> Settings:
-    raise ProfileError(text)
+        return parse(slot.component.settings, raw)
+    except WrongError as wrong:
+        where = slot.origin(wrong.key.partition(".")[0]) if wrong.key else slot.home
+        raise ProfileError(placed(wrong, where)) from None
 
 
 def _raw(slot: Slot, slots: Sequence[Slot], layers: Sequence[Layer]) -> dict[str, Any]:

@@ -1,0 +1,167 @@
+"""The proof of distances: what is proven can be driven, and what cannot be stopped in time is refused."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from chairward import rules, scene
+from chairward.components import Motion
+from chairward.envelope import Caps
+from chairward.facts import Facts, Limits, State
+from chairward.messages import DriveStatus, RangeReading
+from chairward.profile import ProfileError
+from chairward.profile.models import PROTECTED_MM, LimitsTable, StoppingTable
+from chairward.profile.proof import largest_mm_s, needed_mm, prove, reaction_s
+from chairward.stopping import decel_on_slope_mm_s2
+
+HERE = "chairs/x.toml: {}".format
+REACTION, DECEL, CLOSING = st.floats(0.02, 1.5), st.floats(20, 3000), st.floats(0, 2000)
+
+
+def way_until_standing(speed: float, reaction: float, decel: float, closing: float) -> float:
+    """Slow and obvious: step through time until the chair stands."""
+    dt, t, way = 0.0005, 0.0, 0.0
+    while speed > 0.0:
+        way += (speed + closing) * dt
+        t += dt
+        if t > reaction:
+            speed -= decel * dt
+    return way
+
+
+@pytest.mark.parametrize(
+    ("speed", "reaction", "decel", "closing"),
+    [(500, 0.45, 600, 0), (500, 0.45, 600, 800), (1250, 0.3, 1000, 0), (100, 0.1, 2000, 1500)],
+)
+def test_what_is_needed_is_what_a_stopping_chair_covers(
+    speed: float, reaction: float, decel: float, closing: float
+) -> None:
+    assert needed_mm(speed, reaction, decel, closing) == pytest.approx(
+        way_until_standing(speed, reaction, decel, closing), rel=0.01, abs=3
+    )
+
+
+@settings(deadline=None)
+@given(room=st.floats(0, 10_000), reaction=REACTION, decel=DECEL, closing=CLOSING)
+def test_the_largest_speed_fits_and_the_next_does_not(
+    room: float, reaction: float, decel: float, closing: float
+) -> None:
+    best = largest_mm_s(room, reaction, decel, closing)
+    assert best >= 0
+    if best > 0:
+        assert needed_mm(best, reaction, decel, closing) <= room + 1e-6
+    assert needed_mm(best + 1, reaction, decel, closing) > room - 1e-6
+
+
+def test_the_shipped_figures_hold() -> None:
+    proof = prove(LimitsTable(), StoppingTable(closing_mm_s=0), 200, HERE)
+    assert proof.reaction_s == pytest.approx(0.45)
+    assert proof.needed_mm == pytest.approx(225 + 208.3, abs=0.1)
+    assert proof.nearest_mm >= PROTECTED_MM
+
+
+@pytest.mark.parametrize("key", ["forward_mm_s", "arc_mm_s", "backward_mm_s"])
+def test_a_speed_that_does_not_fit_is_refused_with_the_largest_that_does(key: str) -> None:
+    stopping = StoppingTable(decel_mm_s2=600, sensor_range_mm=1200)
+    limits = LimitsTable.model_validate({"forward_mm_s": 1, "arc_mm_s": 1, "backward_mm_s": 1, key: 500})
+    if key == "arc_mm_s":
+        limits = limits.model_copy(update={"forward_mm_s": 500})
+        key = "forward_mm_s"
+    with pytest.raises(ProfileError) as caught:
+        prove(limits, stopping, 200, HERE, sees_behind=True)
+    message = str(caught.value)
+    assert message.startswith(f"chairs/x.toml: {key} = 500: the chair needs ")
+    fits = int(message.split("at most ")[1].split()[0])
+    small = limits.model_copy(update=dict.fromkeys(("forward_mm_s", "arc_mm_s", "backward_mm_s"), fits))
+    prove(small, stopping, 200, HERE, sees_behind=True)
+    with pytest.raises(ProfileError):
+        prove(small.model_copy(update={key: fits + 1}), stopping, 200, HERE, sees_behind=True)
+
+
+def test_where_no_speed_fits_that_is_said() -> None:
+    with pytest.raises(ProfileError, match="no speed fits: a sensor that sees farther is needed"):
+        prove(LimitsTable(), StoppingTable(sensor_range_mm=650), 200, HERE)
+
+
+def test_a_slope_on_which_the_chair_cannot_stop_is_refused() -> None:
+    with pytest.raises(ProfileError, match=r"^chairs/x\.toml: slope_percent = 10: .* lower slope_percent"):
+        prove(LimitsTable(), StoppingTable(decel_mm_s2=900, slope_percent=10), 200, HERE)
+
+
+def test_a_crawl_that_comes_too_near_is_refused() -> None:
+    stopping = StoppingTable(decel_mm_s2=600, slope_percent=5, watchdog_ms=500)
+    with pytest.raises(ProfileError, match=r"crawl_mm_s = 100: .* raise stop_mm to \d+ or lower crawl_mm_s") as caught:
+        prove(LimitsTable(crawl_mm_s=100, forward_mm_s=100), stopping, 200, HERE)
+    enough = int(str(caught.value).split("raise stop_mm to ")[1].split()[0])
+    raised = LimitsTable(crawl_mm_s=100, forward_mm_s=100, stop_mm=enough, avoid_mm=1000, near_loss_mm=1000)
+    assert prove(raised, stopping, 200, HERE).nearest_mm >= PROTECTED_MM
+
+
+def test_a_sensor_that_errs_too_much_is_refused_with_the_stop_distance_it_needs() -> None:
+    with pytest.raises(ProfileError, match=r"stop_mm = 600: .* raise stop_mm to \d+$"):
+        prove(LimitsTable(), StoppingTable(sensor_error_mm=150), 200, HERE)
+
+
+def test_the_proof_holds_in_the_files_too_and_blames_the_file_that_set_the_value(house) -> None:
+    house.chair["limits"]["forward_mm_s"] = 1200
+    assert house.refused().startswith("chairs/test.toml: limits.forward_mm_s = 1200: the chair needs ")
+    house.person["limits"] = {"forward_mm_s": 1100}
+    assert house.refused().startswith("people/asha.toml: limits.forward_mm_s = 1100: ")
+    assert house.refused("limits.forward_mm_s=1000").startswith("--set limits.forward_mm_s = 1000: ")
+    assert house.load("limits.forward_mm_s=500").limits.forward_mm_s == 500
+    house.chair["stopping"]["slope_percent"] = 30
+    assert house.refused().startswith("chairs/test.toml: stopping.slope_percent = 30: ")
+
+
+def rule_3_mm_s(reading_mm: float, present_mm_s: float, limits: Limits) -> float:
+    """What the approach-speed rule allows forward."""
+    reading = RangeReading(seq=1, captured_ns=1, can_see=True, ahead_mm=max(0, int(reading_mm)))
+    status = DriveStatus(at_ns=1, linked=True, armed=True, speed_mm_s=present_mm_s)
+    view = scene.look(
+        Facts(now_ns=1, ranges={"front/eyes": (reading,) * 3}, drive=status),
+        State(output=Motion(present_mm_s, 0.0)),
+        limits,
+    )
+    votes = (*rules.approach_speed(view), *rules.stop_distance(view))
+    return min((vote.caps.forward_mm_s for vote in votes), default=float("inf"))
+
+
+@pytest.mark.parametrize(
+    ("limits", "stopping"),
+    [
+        (LimitsTable(), StoppingTable(closing_mm_s=0)),
+        (LimitsTable(forward_mm_s=900), StoppingTable(closing_mm_s=0, decel_mm_s2=900, sensor_error_mm=80)),
+        (LimitsTable(forward_mm_s=300), StoppingTable(decel_mm_s2=700, slope_percent=4, watchdog_ms=400)),
+        (LimitsTable(stop_mm=700, avoid_mm=900, forward_mm_s=700), StoppingTable(decel_mm_s2=1200)),
+        (LimitsTable(forward_mm_s=900), StoppingTable(decel_mm_s2=2000, watchdog_ms=0, closing_mm_s=0)),
+    ],
+)
+def test_what_is_proven_is_how_near_a_chair_under_the_rules_comes(limits: LimitsTable, stopping: StoppingTable) -> None:
+    """Slow and obvious: through the real rules, with another step, and the guard dying at any instant."""
+    proof = prove(limits, stopping, 200, HERE)
+    a, watchdog = decel_on_slope_mm_s2(stopping.decel_mm_s2, stopping.slope_percent), stopping.watchdog_ms / 1000
+    inside = Limits(
+        stop_mm=limits.stop_mm,
+        reaction_s=reaction_s(200, stopping),
+        decel_mm_s2=a,
+        caps=Caps(limits.forward_mm_s, 0.0, 0.0, 0.0),
+    )
+    dt, speed, distance = 0.01, float(limits.forward_mm_s), float(stopping.sensor_range_mm)
+    late = [distance] * round((inside.reaction_s - watchdog) / dt)
+    nearest = distance
+    for _ in range(3000):
+        late.append(distance)
+        allowed = min(limits.forward_mm_s, rule_3_mm_s(late.pop(0) + stopping.sensor_error_mm, speed, inside))
+        speed = max(speed - a * dt, allowed) if allowed < speed else min(speed + limits.accel_mm_s2 * dt, allowed)
+        distance -= speed * dt
+        nearest = min(nearest, distance - speed * watchdog - speed**2 / (2 * a))
+    assert speed == 0.0, "it arrives"
+    assert nearest == pytest.approx(proof.nearest_mm, abs=5.0)
+    assert nearest >= PROTECTED_MM
+
+
+def test_a_chair_that_creeps_arrives_in_bounded_time() -> None:
+    slow = LimitsTable(forward_mm_s=100, accel_mm_s2=50)
+    assert prove(slow, StoppingTable(decel_mm_s2=100, closing_mm_s=0), 200, HERE).nearest_mm >= PROTECTED_MM
