@@ -67,7 +67,7 @@ def closest_mm(
 ) -> float:
     """How near the chair comes to a wall at worst.
 
-    It starts at full speed before rule 3 has anything to say. Each reading is as late as all delays together (but for the
+    It starts at full speed before rule 3 has a say. Each reading is as late as all delays together (but for the
     watchdog) and as much too long as its error; rule 3 turns it into a speed, braking and gathering speed as the drive
     does. At every instant the guard may die: the last speed is kept for the watchdog's time, then the brakes act.
     A crawl past a blind sensor (rule 5) ends in the same way, at stop_mm.
@@ -126,10 +126,11 @@ def prove(
     nearest = closest_mm(limits, stopping, reaction, decel)
     if nearest < PROTECTED_MM:
         key = "crawl_mm_s" if closest_mm(limits, stopping, reaction, decel, crawl=False) >= PROTECTED_MM else "stop_mm"
+        enough = ceil(limits.stop_mm + PROTECTED_MM - nearest)
         raise ProfileError(
             f"{where(key)} = {getattr(limits, key)}: driving at a wall the chair could come as near as "
             f"{floor(nearest)} mm (reaction {reaction * 1000:.0f} ms, {decel:.0f} mm/s², readings wrong by "
-            f"{stopping.sensor_error_mm} mm), allowed is {PROTECTED_MM}: raise stop_mm to {ceil(limits.stop_mm + PROTECTED_MM - nearest)}"
+            f"{stopping.sensor_error_mm} mm), allowed is {PROTECTED_MM}: raise stop_mm to {enough}"
             + (" or lower crawl_mm_s" if key == "crawl_mm_s" else "")
         )
     total = needed_mm(limits.forward_mm_s, reaction, decel, stopping.closing_mm_s)
