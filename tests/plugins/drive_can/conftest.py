@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
+import sys
+import termios
+import time
 from collections.abc import Iterator, Sequence
 from datetime import date
 from math import degrees
@@ -12,7 +17,7 @@ import pytest
 
 from chairward.components import DriveError, Motion
 from chairward.testing.drive_rig import DriveRig, Heard
-from chairward_drive_can import data, rnet
+from chairward_drive_can import data, rnet, slcan
 from chairward_drive_can.bus import Bus, LibraryBus, open_bus
 from chairward_drive_can.dbc import load
 from chairward_drive_can.drive import CanDrive
@@ -47,6 +52,47 @@ DBC_TABLE: dict[str, Any] = {
 }
 
 
+def settle(descriptor: int, size: int) -> None:
+    """The kernel hands a pty's bytes over in its own time; the tests' clock waits until `size` of them are there."""
+    end = time.monotonic() + 2.0
+    while int.from_bytes(fcntl.ioctl(descriptor, termios.FIONREAD, b"\0" * 4), sys.byteorder) < size:
+        assert time.monotonic() < end, "the pty has lost bytes"
+        os.sched_yield()
+
+
+class CountingPty(AdapterPty):
+    """An adapter whose bytes arrive before time goes on."""
+
+    taken = 0
+
+    def _read(self) -> bytes:
+        data = super()._read()
+        self.taken += len(data)
+        return data
+
+    def _write(self, data: bytes) -> None:
+        before = int.from_bytes(fcntl.ioctl(self._slave, termios.FIONREAD, b"\0" * 4), sys.byteorder)
+        super()._write(data)
+        settle(self._slave, min(before + len(data), 2048))
+
+
+class CountingPort:
+    """The drive's end, counting what it has written."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
+        self.written = len(b"\r\rC\rS4\rO\r")
+        self.fileno, self.receive, self.close = bus.fileno, bus.receive, bus.close
+
+    @property
+    def unanswered(self) -> int:
+        return self._bus.unanswered
+
+    def send(self, frame: Frame) -> None:
+        self._bus.send(frame)
+        self.written += len(slcan.encode(frame))
+
+
 class CanRig(DriveRig):
     """Common to all dialects: time in steps of a millisecond, the partner's end of the bus, what it heard."""
 
@@ -75,10 +121,10 @@ class CanRig(DriveRig):
 
     def open_end(self) -> Bus:
         """The partner's end."""
-        return AdapterPty(Path(self.settings.channel))
+        return CountingPty(Path(self.settings.channel))
 
     def new_drive(self) -> CanDrive:
-        return self._with_clock(open_bus)
+        return self._with_clock(lambda settings: CountingPort(open_bus(settings)))
 
     def _with_clock(self, opener: Any) -> CanDrive:
         drive = make(self.settings)
@@ -91,6 +137,9 @@ class CanRig(DriveRig):
 
     def run(self, seconds: float) -> None:
         left_ns = round(seconds * 1e9)
+        port = self.drive._bus
+        if isinstance(port, CountingPort) and isinstance(self.end, CountingPty):
+            settle(self.end.fileno(), min(port.written - self.end.taken, 2048))
         while left_ns > 0:
             step = min(STEP_NS, left_ns)
             left_ns -= step

@@ -33,7 +33,7 @@ class Dialect(Protocol):
     quiet_ns: int
     """A controller unheard for so long gets no motion, only neutral: what nobody reads must not pile up."""
     window: int
-    """Frames that may be unanswered at most, where the interface tells: those of two ticks."""
+    """Frames of motion that may be unanswered at most, where the interface tells: those of two ticks."""
 
     def hear(self, frame: Frame, now_ns: int, motion: Motion | None, /) -> Sequence[Frame]:
         """Take in one frame. motion: the guard's command while it is fresh, else None. Never raises."""

@@ -180,7 +180,9 @@ class CanDrive:
         if self._bus is None:
             return True
         try:
-            if self._bus.unanswered >= self._dialect.window:
+            # A stop may queue behind motion that nobody has answered, so that what is hoarded ends with a stop.
+            room = self._dialect.window * (2 if self._given == STILL else 1)
+            if self._bus.unanswered >= room:
                 raise BlockingIOError
             self._bus.send(frame)
         except BlockingIOError:
