@@ -82,15 +82,17 @@ def decide(state: State, facts: Facts, limits: Limits) -> tuple[State, Decision]
 def steer(want: Motion, caps: Caps, scene: Scene) -> Motion:
     """Rule 4's slight turn, the one thing that adds motion. It never changes the forward speed that the votes leave.
 
-    Only during a forward command, only towards the side that the avoiding readings sense clear, only when that whole
-    turn is allowed; off where the chair file says 0.
+    Only during a forward command that may move, only towards the side that the avoiding readings sense clear, only
+    when that whole turn is allowed; off where the chair file says 0.
     """
     wish, rate = scene.state.wish, scene.limits.steer_deg_s
     if not rate or wish is None or wish.command is not Command.FRONT or wish.stick is not None:
         return want
     side = freer_side(scene)
     allowed = caps.left_deg_s if side > 0.0 else caps.right_deg_s
-    return Motion(want.drive_mm_s, side * rate) if side and allowed >= rate else want
+    if not side or allowed < rate or caps.forward_mm_s <= 0.0:
+        return want
+    return Motion(min(want.drive_mm_s, caps.forward_mm_s), side * rate)
 
 
 def ramp(old: Motion, new: Motion, dt_s: float, scene: Scene) -> Motion:

@@ -20,9 +20,9 @@ from chairward.stopping import largest_speed_mm_s, stopping_distance_mm
 FUTURE_LIMIT_NS = 5 * MS
 CREEP_MM_S = 60.0
 CREEP_ROOM_MM = 100.0
-RUNAWAY_ROOM_MM = 150.0
 SUPERVISOR = "supervisor"
 NO_FORWARD, NO_BACKWARD, NO_LEFT, NO_RIGHT = (OPEN._replace(**{way: 0.0}) for way in Caps._fields)
+NO_TURN = Caps(left_deg_s=0.0, right_deg_s=0.0)
 
 Votes = Iterator[Envelope]
 
@@ -103,10 +103,12 @@ def stop_distance(scene: Scene) -> Votes:
             yield Envelope(NO_FORWARD, "stop_distance", s.source, f"{s.ahead_mm:.0f} mm ahead")
         if s.behind_mm <= stop:
             yield Envelope(NO_BACKWARD, "stop_distance", s.source, f"{s.behind_mm:.0f} mm behind")
-        if min(s.left_mm, s.ahead_mm) <= swing:
-            yield Envelope(NO_LEFT, "stop_distance", s.source, f"{min(s.left_mm, s.ahead_mm):.0f} mm left")
-        if min(s.right_mm, s.ahead_mm) <= swing:
-            yield Envelope(NO_RIGHT, "stop_distance", s.source, f"{min(s.right_mm, s.ahead_mm):.0f} mm right")
+        if s.left_mm <= swing:
+            yield Envelope(NO_LEFT, "stop_distance", s.source, f"{s.left_mm:.0f} mm left")
+        if s.right_mm <= swing:
+            yield Envelope(NO_RIGHT, "stop_distance", s.source, f"{s.right_mm:.0f} mm right")
+        if s.ahead_mm <= swing:
+            yield Envelope(NO_TURN, "stop_distance", s.source, f"{s.ahead_mm:.0f} mm ahead of the toes")
 
 
 # 3 -----------------------------------------------------------------------------------------------------------------
@@ -115,34 +117,33 @@ def approach_speed(scene: Scene) -> Votes:
 
     room = nearest - stop_mm - closing speed * reaction; v such that v t + v^2 / 2a = room (`stopping`). That curve
     never arrives (the speed falls with the room), so as long as there is room the chair may creep at a speed whose
-    own stopping distance is within CREEP_ROOM_MM: the stop is reached, and declared, in bounded time. A chair that
-    runs (reported or commanded, the larger) too fast to stop within RUNAWAY_ROOM_MM beyond the room is stopped.
+    own stopping distance is within CREEP_ROOM_MM: the stop is reached, and declared, in bounded time. A chair that is
+    (reported or commanded, the larger) too fast to stop in the room even by braking at once has to stop.
     Source: thesis wish "threshold follows the speed"; peers.md lesson 2; DESIGN rule 3.
     """
     facts, state, limits, seen = scene
-    reported = facts.drive.speed_mm_s or 0.0
-    forward = max(reported, state.output.drive_mm_s)
-    backward = -min(reported, state.output.drive_mm_s)
+    t, a, caps = limits.reaction_s, limits.decel_mm_s2, limits.caps
+    reported, commanded = facts.drive.speed_mm_s or 0.0, state.output.drive_mm_s
+    ahead, behind = max(reported, commanded), max(-reported, -commanded)
+    ahead_mm = max(stopping_distance_mm(caps.forward_mm_s, t, a), stopping_distance_mm(ahead, 0.0, a))
+    behind_mm = max(stopping_distance_mm(caps.backward_mm_s, t, a), stopping_distance_mm(behind, 0.0, a))
     for s in seen:
-        if s.ahead_mm < inf:
-            room = s.ahead_mm - limits.stop_mm - s.closing_mm_s * limits.reaction_s
-            cap = _approach_mm_s(room, forward, limits)
-            if cap < limits.caps.forward_mm_s:
-                caps = Caps(cap, inf, inf, inf)
-                yield Envelope(caps, "approach_speed", s.source, f"{s.ahead_mm:.0f} mm ahead")
-        if s.behind_mm < inf:
-            cap = _approach_mm_s(s.behind_mm - limits.stop_mm, backward, limits)
-            if cap < limits.caps.backward_mm_s:
-                caps = Caps(inf, cap, inf, inf)
-                yield Envelope(caps, "approach_speed", s.source, f"{s.behind_mm:.0f} mm behind")
+        room = s.ahead_mm - limits.stop_mm - s.closing_mm_s * t
+        if room < ahead_mm:
+            cap = approach_mm_s(room, ahead, t, a)
+            yield Envelope(Caps(cap, inf, inf, inf), "approach_speed", s.source, f"{s.ahead_mm:.0f} mm ahead")
+        room = s.behind_mm - limits.stop_mm
+        if room < behind_mm:
+            cap = approach_mm_s(room, behind, t, a)
+            yield Envelope(Caps(inf, cap, inf, inf), "approach_speed", s.source, f"{s.behind_mm:.0f} mm behind")
 
 
-def _approach_mm_s(room_mm: float, speed_mm_s: float, limits: Limits) -> float:
-    t, a = limits.reaction_s, limits.decel_mm_s2
-    if room_mm <= 0.0 or stopping_distance_mm(max(0.0, speed_mm_s), t, a) > room_mm + RUNAWAY_ROOM_MM:
+def approach_mm_s(room_mm: float, speed_mm_s: float, reaction_s: float, decel_mm_s2: float) -> float:
+    """The speed allowed with so much room, for a chair that moves towards it at speed_mm_s now."""
+    creep = min(CREEP_MM_S, largest_speed_mm_s(CREEP_ROOM_MM, reaction_s, decel_mm_s2))
+    if room_mm <= 0.0 or (speed_mm_s > creep and stopping_distance_mm(speed_mm_s, 0.0, decel_mm_s2) > room_mm):
         return 0.0
-    creep = min(CREEP_MM_S, largest_speed_mm_s(CREEP_ROOM_MM, t, a))
-    return max(creep, largest_speed_mm_s(room_mm, t, a))
+    return max(creep, largest_speed_mm_s(room_mm, reaction_s, decel_mm_s2))
 
 
 # 4 -----------------------------------------------------------------------------------------------------------------

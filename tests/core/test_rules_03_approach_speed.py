@@ -1,0 +1,120 @@
+"""Rule 3: only as fast as the chair can still stop before stop_mm, all delays included."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from chairward.components import Motion
+from chairward.envelope import Caps, meet
+from chairward.facts import Limits
+from chairward.messages import Way
+from chairward.rules import CREEP_MM_S, CREEP_ROOM_MM, approach_speed
+from chairward.scene import look
+from chairward.stopping import stopping_distance_mm
+from chairward.testing.ride import FRONT, START_NS, chair_limits, driving, healthy, readings
+
+LIMITS = chair_limits(caps=Caps(1_250.0, 400.0, 40.0, 40.0))
+
+
+def caps_for(limits: Limits = LIMITS, output: float = 0.0, reported: float | None = None, **said: Any) -> Caps:
+    facts = healthy(limits, ranges={FRONT: readings(START_NS, **said)})
+    facts = replace(facts, drive=msgspec.structs.replace(facts.drive, speed_mm_s=reported))
+    votes = list(approach_speed(look(facts, driving(output=Motion(output, 0.0)), limits)))
+    assert all(vote.rule == "approach_speed" and vote.source == FRONT for vote in votes)
+    return meet(votes)
+
+
+@given(st.integers(601, 5_000), st.floats(0.1, 1.5), st.floats(200.0, 2_000.0))
+def test_from_the_speed_allowed_the_chair_stands_before_stop_mm_less_the_creep(
+    ahead: int, reaction: float, decel: float
+) -> None:
+    limits = replace(LIMITS, reaction_s=reaction, decel_mm_s2=decel)
+    speed = min(caps_for(limits, ahead_mm=ahead).forward_mm_s, limits.caps.forward_mm_s)
+    rests_at = ahead - stopping_distance_mm(speed, reaction, decel)
+    assert rests_at >= limits.stop_mm - CREEP_ROOM_MM - 1e-6
+
+
+@given(st.integers(601, 4_999))
+def test_the_allowance_is_not_wasted(ahead: int) -> None:
+    speed = caps_for(ahead_mm=ahead).forward_mm_s
+    if CREEP_MM_S < speed < LIMITS.caps.forward_mm_s:
+        assert ahead - stopping_distance_mm(speed, 0.45, 600.0) == pytest.approx(LIMITS.stop_mm, abs=1e-6)
+
+
+@given(st.integers(0, 5_000), st.integers(0, 5_000), st.integers(0, 3_000))
+def test_nearer_or_coming_closer_never_allows_more(a: int, b: int, closing: int) -> None:
+    near, far = sorted((a, b))
+    assert caps_for(ahead_mm=near).forward_mm_s <= caps_for(ahead_mm=far).forward_mm_s
+    assert caps_for(ahead_mm=far, closing_mm_s=closing).forward_mm_s <= caps_for(ahead_mm=far).forward_mm_s
+
+
+def test_while_there_is_room_the_chair_creeps_so_that_the_stop_is_reached() -> None:
+    assert caps_for(ahead_mm=601).forward_mm_s == CREEP_MM_S
+    assert caps_for(ahead_mm=600).forward_mm_s == 0.0
+
+
+def test_with_a_poor_brake_even_the_creep_is_slower() -> None:
+    poor = replace(LIMITS, reaction_s=2.5, decel_mm_s2=100.0)
+    creep = caps_for(poor, ahead_mm=601).forward_mm_s
+    assert creep < CREEP_MM_S
+    assert stopping_distance_mm(creep, 2.5, 100.0) == pytest.approx(CREEP_ROOM_MM)
+
+
+def test_somebody_walking_at_the_chair_shortens_the_room_by_their_way_in_the_reaction_time() -> None:
+    walked = 1_400 * LIMITS.reaction_s
+    still = caps_for(ahead_mm=2_000).forward_mm_s
+    assert caps_for(ahead_mm=2_000 + int(walked), closing_mm_s=1_400).forward_mm_s == pytest.approx(still)
+    assert caps_for(ahead_mm=600 + int(walked), closing_mm_s=1_400).forward_mm_s == 0.0
+
+
+def test_the_fastest_closing_of_three_readings_counts() -> None:
+    calm, quick = readings(START_NS, ahead_mm=1_500), readings(START_NS, ahead_mm=1_500, closing_mm_s=1_000)
+    facts = healthy(LIMITS, ranges={FRONT: (quick[0], *calm[1:])})
+    votes = approach_speed(look(facts, driving(), LIMITS))
+    assert meet(votes) == caps_for(ahead_mm=1_500, closing_mm_s=1_000)
+
+
+def test_far_away_there_is_nothing_to_say() -> None:
+    assert caps_for(ahead_mm=5_000) == Caps()
+
+
+def test_behind_counts_for_backing_with_the_same_formula() -> None:
+    limits = replace(LIMITS, caps=Caps(1_250.0, 1_250.0, 40.0, 40.0))
+    assert caps_for(limits, behind_mm=1_000, ahead_mm=None).backward_mm_s == caps_for(ahead_mm=1_000).forward_mm_s
+    assert caps_for(limits, behind_mm=600, ahead_mm=None).backward_mm_s == 0.0
+
+
+@pytest.mark.parametrize(("output", "reported"), [(800.0, None), (800.0, 0.0), (0.0, 800.0), (800.0, 800.0)])
+def test_too_fast_to_stop_in_time_stops_whichever_of_command_and_report_says_so(
+    output: float, reported: float | None
+) -> None:
+    just_enough = int(600 + stopping_distance_mm(800.0, 0.0, LIMITS.decel_mm_s2)) + 1
+    assert caps_for(output=output, reported=reported, ahead_mm=just_enough).forward_mm_s > 0.0
+    assert caps_for(output=output, reported=reported, ahead_mm=just_enough - 2).forward_mm_s == 0.0
+
+
+def test_backing_fast_does_not_close_the_way_ahead_and_the_other_way_round() -> None:
+    limits = replace(LIMITS, caps=Caps(1_250.0, 1_250.0, 40.0, 40.0))
+    both = {"ahead_mm": 900, "behind_mm": 900}
+    back, ahead = caps_for(limits, output=-900.0, **both), caps_for(limits, output=900.0, **both)
+    assert (back.backward_mm_s, ahead.forward_mm_s) == (0.0, 0.0)
+    assert back.forward_mm_s > 0.0
+    assert ahead.backward_mm_s > 0.0
+
+
+def test_a_chair_that_obeys_its_allowance_is_never_called_a_runaway() -> None:
+    for ahead in range(601, 4_000, 7):
+        speed = min(caps_for(ahead_mm=ahead).forward_mm_s, 1_250.0)
+        lagging = speed + 600.0 * 0.1  # a tenth of a second of braking behind
+        assert caps_for(output=speed, reported=lagging, ahead_mm=ahead).forward_mm_s > 0.0 or ahead < 620
+
+
+def test_only_the_way_that_is_near_is_slowed() -> None:
+    caps = caps_for(ahead_mm=900)
+    assert [way for way, cap in zip(Way, caps, strict=True) if cap < 1_250.0] == [Way.AHEAD]
