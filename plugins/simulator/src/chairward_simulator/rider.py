@@ -18,6 +18,7 @@ Steps = Generator[str | None, None, None]
 Asks = Generator[str | None, None, bool]
 
 STEP_DEG = 15.0
+HALF_STEP_DEG = 8.0
 BACK_MM = 300.0
 """What "left"/"right" and "back" do at once; only first guesses, the person looks at what came of them."""
 STOP_MM_S2 = 600.0
@@ -29,6 +30,7 @@ ANSWER_S = 1.6
 """How long after a word's end the person waits for its effect."""
 RENEW_S = 4.5
 """How long after "front" the person says it again while driving."""
+BLOCKED_MM = 700.0
 MISS_MM = 50.0
 """So far beside a doorway's middle is still good enough."""
 GIVE_UP_AFTER = 12
@@ -73,12 +75,15 @@ class Rider:
     _ended_at_s: float = 0.0
     _front_at_s: float = -1e9
     _still_since_s: float | None = None
+    _blocked_since_s: float | None = None
     _answer_s: float = 0.45
     _cruise_mm_s: float = 480.0
     _mind: Steps = field(init=False)
+    _course_deg: float = field(init=False)
 
     def __post_init__(self) -> None:
         self._mind = self._tour()
+        self._course_deg = self.home.start.heading_deg
 
     def tick(self, view: View) -> str | None:
         """The word to say now, or None."""
@@ -87,6 +92,10 @@ class Rider:
             self._still_since_s = view.now_s if self._still_since_s is None else self._still_since_s
         else:
             self._still_since_s = None
+        if view.ahead_mm < BLOCKED_MM and abs(view.speed_mm_s) < 40.0:
+            self._blocked_since_s = view.now_s if self._blocked_since_s is None else self._blocked_since_s
+        else:
+            self._blocked_since_s = None
         word = next(self._mind, None)
         if word is not None:
             self.said[word] = self.said.get(word, 0) + 1
@@ -101,6 +110,10 @@ class Rider:
 
     def _still(self, for_s: float = 0.35) -> bool:
         return self._still_since_s is not None and self.view.now_s - self._still_since_s >= for_s
+
+    def _blocked(self) -> bool:
+        """Something is so near ahead, and the chair so slow for a while, that it has as good as stopped."""
+        return self._blocked_since_s is not None and self.view.now_s - self._blocked_since_s >= 0.8
 
     def _until_still(self, timeout_s: float = 4.0, for_s: float = 0.3) -> Steps:
         end = self.view.now_s + timeout_s
@@ -153,6 +166,8 @@ class Rider:
                     yield from self._until_still()
                     break
                 yield None
+            if word == "front" and self._blocked() and attempt >= 2:
+                return False
             if attempt % 3 == 0:  # perhaps the chair is latched: a sensible user resets and arms it
                 self.reset_presses += 1
                 yield from self._wait(0.3)
@@ -190,9 +205,10 @@ class Rider:
         if needed and not (yield from self._order("front")):
             return False
         while not reached():
-            if self._still():
+            if self._still() or self._blocked():
                 return False
-            if self.view.now_s - self._front_at_s > RENEW_S and self.view.now_s > self._quiet_at_s:
+            near = self.view.ahead_mm < 1000.0 and self.view.speed_mm_s < 200.0
+            if self.view.now_s - self._front_at_s > RENEW_S and self.view.now_s > self._quiet_at_s and not near:
                 yield from self._speak("front")
             yield None
         return True
@@ -236,11 +252,16 @@ class Rider:
         if (yield from self._cruise(reached)):
             yield from self._halt()
 
+    def _off_course(self) -> float:
+        """Degrees still to turn left to the heading meant."""
+        return (self._course_deg - self.view.heading_deg + 180.0) % 360.0 - 180.0
+
     def _turn(self, to_deg: float) -> Steps:
+        self._course_deg = to_deg
         yield from self._until_still()
         for _ in range(GIVE_UP_AFTER * 2):
-            off = (to_deg - self.view.heading_deg + 180.0) % 360.0 - 180.0
-            if abs(off) <= 0.55 * STEP_DEG:
+            off = self._off_course()
+            if abs(off) <= HALF_STEP_DEG:
                 return
             yield from self._step("left" if off > 0 else "right")
 
@@ -251,9 +272,15 @@ class Rider:
     def _drive_until(self, stopped_by: str) -> Steps:
         """Forward until the chair stops by itself before the thing meant; a person is waited for."""
         for _ in range(GIVE_UP_AFTER):
-            yield from self._cruise(lambda: False)
+            if self._blocked() and self.view.ahead_name == stopped_by:
+                break
+            if abs(self._off_course()) > HALF_STEP_DEG:
+                yield from self._turn(self._course_deg)
+            if (yield from self._cruise(lambda: abs(self._off_course()) > HALF_STEP_DEG + 4.0)):
+                yield from self._halt()
+                continue
             yield from self._wait(0.3)
-            if not self._still():
+            if not self._still() and not self._blocked():
                 continue
             name, far = self.view.ahead_name, self.view.ahead_mm
             if far > 1000.0:
@@ -266,8 +293,8 @@ class Rider:
             if name == stopped_by:
                 return
             if name != "person":
-                break
-        self.events.append(f"did not come to a stop before the {stopped_by}")
+                self.events.append(f"but it was to be the {stopped_by}")
+                return
 
     def _door_view(self, door: Doorway) -> tuple[float, float, float]:
         """(way to the door's plane, offset to the left of its axis, heading off its axis in degrees)."""
@@ -283,12 +310,10 @@ class Rider:
 
     def _through(self, door: Doorway) -> Steps:
         """Line up in 15 degree steps and drive through; tries again, further back, when it does not fit."""
+        self._course_deg = door.heading_deg
         for _ in range(GIVE_UP_AFTER):
-            yield from self._until_still()
-            way, _, off = self._door_view(door)
-            if abs(off) > 0.55 * STEP_DEG:
-                yield from self._step("right" if off > 0 else "left")
-                continue
+            yield from self._turn(door.heading_deg)
+            way = self._door_view(door)[0]
             if abs(self._miss(door)) <= MISS_MM:
                 if (yield from self._pass(door)):
                     self.events.append(f"went through the {door.name}")

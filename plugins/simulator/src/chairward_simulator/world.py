@@ -30,7 +30,8 @@ WORLD_NAMES = (
 
 STEP_S = 0.005
 LOOK_EVERY = 8
-"""Steps between two looks of the truth (25 a second); the rider listens every fourth step."""
+BUMP_EVERY = 4
+"""Steps between two looks of the truth (25 a second), and two tests for contact and ticks of the rider (50 a second)."""
 LOST_POWER_NS = 500_000_000
 """Pins older than this: their controller is gone, and with it the power that holds the spring-applied brake open."""
 
@@ -50,11 +51,13 @@ class World:
     rider: Rider = field(init=False)
     truth: Truth = field(init=False)
     said: str = ""
+    _free: Body = field(init=False)
     _count: int = 0
 
     def __post_init__(self) -> None:
         start = self.home.start
         self.body = Body(x_mm=start.x_mm, y_mm=start.y_mm, heading_deg=start.heading_deg)
+        self._free = self.body
         self.walker = Walker.at_start(self.home.person) if self.home.person else None
         self.truth = of_home(self.home, self.footprint)
         self.rider = Rider(self.home, self.duration_s, rear_mm=self.footprint.rear_mm, front_mm=self.footprint.front_mm)
@@ -70,13 +73,13 @@ class World:
         self.now_s += dt_s
         people = self.people()
         moved = self.body.step(pins, dt_s, self.law)
-        still = (
-            moved.x_mm == self.body.x_mm and moved.y_mm == self.body.y_mm and moved.heading_deg == self.body.heading_deg
-        )
-        if not still or self._count % LOOK_EVERY == 0:
-            if bump := self.truth.touches(moved, people):
-                moved = self.body.halted()
+        if self._count % BUMP_EVERY == 0:
+            bump = self.truth.touches(moved, people)
             self.truth.bumped(bump)
+            if bump:
+                moved = self._free.halted()
+            else:
+                self._free = moved
         self.body = moved
         if self.walker is not None:
             room = self.truth.ahead_mm if self.truth.ahead_of == "person" else FAR_MM
@@ -84,7 +87,7 @@ class World:
         if self._count % LOOK_EVERY == 0:
             self.truth.look(self.now_s, self.body, people)
         self._count += 1
-        if not self.speaks or self._count % 4:
+        if not self.speaks or self._count % BUMP_EVERY:
             return None
         word = self.rider.tick(self._view())
         if word is not None:
