@@ -42,6 +42,14 @@ class Bus(Protocol):
         """Give the interface back; may be called twice."""
 
 
+def frame_of(message: Any) -> Frame | None:
+    """python-can's message as our frame; None for error frames and CAN FD, which no dialect here speaks."""
+    if message.is_error_frame or message.is_fd:
+        return None
+    extended, remote = message.is_extended_id, message.is_remote_frame
+    return Frame(message.arbitration_id, bytes(message.data), extended=extended, remote=remote)
+
+
 class LibraryBus:
     """Any interface python-can offers. On socketcan our own frames come back once they are on the wire: the answer."""
 
@@ -90,15 +98,8 @@ class LibraryBus:
                 break
             if self._echoes and not message.is_rx:
                 self.unanswered = max(0, self.unanswered - 1)
-            elif not (message.is_error_frame or message.is_fd):
-                frames.append(
-                    Frame(
-                        message.arbitration_id,
-                        bytes(message.data),
-                        extended=message.is_extended_id,
-                        remote=message.is_remote_frame,
-                    )
-                )
+            elif (frame := frame_of(message)) is not None:
+                frames.append(frame)
         return frames
 
     def close(self) -> None:

@@ -20,15 +20,20 @@ STATUS_ROLES = ("speed", "turning", "fault", "stopped_by_user", "armed", "batter
 DEFAULT_CYCLE_MS = 20
 
 
-def load(settings: DbcSettings, folder: Path) -> Any:
-    """The file, as cantools' Database, with every signal of the table found in it. Raises DriveError."""
+def read(path: Path) -> Any:
+    """The file, as cantools' Database. Raises DriveError."""
     import cantools  # late: only chairs with a DBC file need it
 
-    path = folder / settings.file
     try:
-        database = cantools.database.load_file(path, strict=True)
+        return cantools.database.load_file(path, strict=True)
     except Exception as error:  # cantools raises its parser's own errors
         raise DriveError(f"drive.can.dbc.file: {path} cannot be read as a DBC file: {sentence(error)}") from error
+
+
+def load(settings: DbcSettings, folder: Path) -> Any:
+    """The file of the table, with every signal of the table found in it. Raises DriveError."""
+    path = folder / settings.file
+    database = read(path)
     for role in (*COMMAND_ROLES, *STATUS_ROLES):
         if name := getattr(settings, role):
             _find(database, role, name)

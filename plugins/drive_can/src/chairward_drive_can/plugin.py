@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING
 
 from chairward.components import Component, Context
 from chairward.hookspecs import hookimpl
-from chairward_drive_can.settings import CanSettings
+from chairward_drive_can.settings import CanSettings, SimCanSettings
 
 if TYPE_CHECKING:
+    import typer
+
+    from chairward_drive_can.companion import SimCan
     from chairward_drive_can.drive import CanDrive
 
 CHAIRWARD_API = 1
@@ -32,3 +35,29 @@ def chairward_drives() -> Sequence[Component]:
             summary="CAN wheelchair controllers: R-Net, any DBC file, CANopen CiA 402",
         )
     ]
+
+
+def make_sim(settings: SimCanSettings, context: Context) -> SimCan:
+    """The simulated controller of `[companion.X] component = "sim_can"`."""
+    from chairward_drive_can.companion import SimCan
+
+    return SimCan(settings, context)
+
+
+@hookimpl
+def chairward_companions() -> Sequence[Component]:
+    return [
+        Component(
+            name="sim_can",
+            settings=SimCanSettings,
+            make=make_sim,
+            summary="a simulated CAN controller: R-Net, the DBC file's, or CiA 402",
+        )
+    ]
+
+
+@hookimpl
+def chairward_commands(app: typer.Typer) -> None:
+    from chairward_drive_can.cli import add_commands
+
+    add_commands(app)

@@ -194,3 +194,21 @@ class CanSettings(Settings):
                 f"at most {SILENCE_LIMIT_MS} ms are allowed; name a watchdog_relay in its motor supply"
             )
         return ""
+
+
+class SimCanSettings(Settings):
+    """Which controller to simulate, and on which bus."""
+
+    dialect: Literal["rnet", "dbc", "cia402"] = Field(default="rnet", description="what the controller speaks")
+    interface: str = Field(default="slcan", description="slcan: a pty is made; else an interface of python-can")
+    channel: str = Field(default="{run}/can", description="the pty's link, or the channel of the interface")
+    bitrate: int = Field(default=125_000, ge=10_000, le=1_000_000, description="bit/s")
+    silence_ms: int = Field(default=100, ge=20, le=5000, description="it stops so long after the last command")
+    startup_ms: int = Field(default=800, ge=0, le=10_000, description="from power-on until it accepts commands")
+    full_percent: int = Field(
+        default=20, ge=1, le=100, description="R-Net: speed setting at which it goes at full speed"
+    )
+    joystick_module: bool = Field(default=True, description="R-Net: with the user's own joystick module")
+    dbc: DbcSettings = Field(default=DbcSettings(), description="DBC: the same table as the drive's")
+    full_forward: float = Field(default=0.5, gt=0, description="DBC: value of `forward` at full speed")
+    full_turn: float = Field(default=0.8, gt=0, description="DBC: value of `turn` at full speed")

@@ -27,6 +27,7 @@ class RnetChair:
     device: int = 1
     stick: tuple[int, int] = (0, 0)
     speed_percent: int = 20
+    full_percent: int = 100
     battery_percent: int = 80
     heartbeat: tuple[int, int] = (0xC0, 0xC1)
     body: Body = field(default_factory=Body)
@@ -98,7 +99,7 @@ class RnetChair:
 
     def _obey(self, x: int, y: int, now_ns: int) -> None:
         self._stick_heard_ns = now_ns
-        share = self.speed_percent / 100.0
+        share = self.speed_percent / self.full_percent
         self.body.aim(y / rnet.FULL * share, -x / rnet.FULL * share)
 
     def _every(self, what: str, period_ms: int, now_ns: int) -> bool:

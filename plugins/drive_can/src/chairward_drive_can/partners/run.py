@@ -26,6 +26,7 @@ class Partner(Protocol):
     """A simulated controller: frames in, frames out, told what time it is."""
 
     body: Body
+    moves_heard: int
 
     def hear(self, frame: Frame, now_ns: int) -> list[Frame]:
         """What a frame brings about."""
