@@ -61,11 +61,11 @@ def test_profiles_are_found_by_path_by_environment_and_upward(house, monkeypatch
     assert profile.load("test", "asha", [], house.registry) == by_path
 
 
-def test_recordings_of_a_person_stand_beside_the_file_or_in_the_users_own_data(house, monkeypatch, tmp_path) -> None:
+def test_recordings_of_a_person_stand_in_the_users_own_data_and_not_in_the_project(
+    house, monkeypatch, tmp_path
+) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     assert house.load().person_dir == str(tmp_path / "data" / "chairward" / "people" / "asha")
-    house.person_file.with_suffix("").mkdir()
-    assert house.load().person_dir == str(house.person_file.with_suffix(""))
 
 
 # settings -----------------------------------------------------------------------------------------------------------

@@ -121,8 +121,13 @@ def test_a_person_is_refused_on_a_chair_that_was_not_set_up_for_them(house) -> N
 def test_a_person_may_set_of_a_component_only_what_the_chair_offers_or_a_mark_allows(house) -> None:
     house.person["settings"] = {"ranger": {"window": 5}}
     assert "people/asha.toml: settings.ranger.window = 5, but only the integrator may set this" in house.refused()
-    house.chair["choices"] = {"ranger": {"window": [5, 9]}, "words": {"threshold": {"min": 0, "max": 2}}}
+    house.chair["choices"] = {
+        "ranger": {"window": [5, 9]},
+        "words": {"threshold": {"min": 0, "max": 2}, "speaker": "any"},
+    }
     assert house.load().lanes[0].stages[0].settings["window"] == 5
+    house.person["settings"] = {"words": {"threshold": 1.5, "speaker": "kim"}}
+    assert house.load().lanes[1].stages[0].settings["speaker"] == "kim"
     house.person["settings"] = {"words": {"threshold": 2.5}}
     assert house.refused() == "people/asha.toml: settings.words.threshold = 2.5, but this chair offers 0 to 2"
     house.person["settings"] = {"ranger": {"window": 7}}

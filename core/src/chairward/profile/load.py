@@ -250,8 +250,7 @@ class _Loading:
 
     def _plan(self, found: Sequence[Lane], drive: str, by_place: dict[str, Part], limits: Limits) -> Plan:
         chair, person = self.chair, self.person
-        own = self.person_file.path.with_suffix("")
-        recordings = own if own.is_dir() else Path(platformdirs.user_data_path("chairward")) / "people" / person.name
+        recordings = Path(platformdirs.user_data_path("chairward")) / "people" / person.name
         return Plan(
             chair=chair.name,
             chair_file=str(self.chair_file.path),

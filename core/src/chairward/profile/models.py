@@ -6,7 +6,7 @@ footprint, speeds mm/s and deg/s. Defaults are the shipped, careful ones (0.5 m/
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -174,6 +174,9 @@ class Interval(Strict):
     max: float
 
 
+Choice = list[str | int | float | bool] | Interval | Literal["any"]
+
+
 class Chair(Strict):
     """A chair file: everything an integrator decides."""
 
@@ -189,8 +192,9 @@ class Chair(Strict):
     lane: dict[Name, LaneTable] = Field(min_length=1)
     drive: dict[str, Table] = Field(min_length=1, description="the drives offered, with their settings")
     settings: dict[str, Table] = Field(default={}, description="of components by name")
-    choices: dict[str, dict[str, list[str | int | float | bool] | Interval]] = Field(
-        default={}, description="settings of components that a person may choose: a list of values or min and max"
+    choices: dict[str, dict[str, Choice]] = Field(
+        default={},
+        description='settings of components that a person may choose: a list of values, min and max, or "any"',
     )
     companion: dict[Name, PartTable] = Field(default={})
     observer: dict[Name, PartTable] = Field(default={})

@@ -20,7 +20,7 @@ from chairward.components import Component, Settings
 from chairward.plan import Part
 from chairward.profile.errors import ProfileError, shown
 from chairward.profile.merge import WrongError, bound, looser, mark_of, parse, placed
-from chairward.profile.models import Interval
+from chairward.profile.models import Choice, Interval
 
 _REFERENCE = re.compile(r"@([A-Za-z0-9_-]+)\.([A-Za-z0-9_]+)")
 RUN = "{run}"
@@ -57,7 +57,7 @@ class Slot:
         return next((layer.where for layer in reversed(self.layers) if key in layer.values), self.home)
 
 
-Choices = Mapping[str, Mapping[str, Sequence[Any] | Interval]]
+Choices = Mapping[str, Mapping[str, Choice]]
 
 
 def parts(slots: Sequence[Slot], choices: Choices, chair_label: str) -> list[Part]:
@@ -86,12 +86,10 @@ def _checked(slot: Slot, slots: Sequence[Slot], choices: Choices, chair_label: s
     return dumped
 
 
-def _allowed(
-    model: type[BaseModel], key: str, chair: Any, person: Any, offered: Sequence[Any] | Interval | None, layer: Layer
-) -> None:
+def _allowed(model: type[BaseModel], key: str, chair: Any, person: Any, offered: Choice | None, layer: Layer) -> None:
     """Raise ProfileError when a person's value is neither offered by the chair nor on a marked field's safer side."""
     text = f"{layer.where}{key} = {shown(layer.values[key])}"
-    if person == chair:
+    if person == chair or offered == "any":
         return
     if isinstance(offered, Interval):
         if isinstance(person, bool) or not isinstance(person, int | float) or not offered.min <= person <= offered.max:

@@ -63,7 +63,7 @@ freshness_ms = 400
 port = "/dev/ttyUSB0"
 
 # [settings.stereo_range]           # settings of plugins by name: see chairward profile schema chair
-# [choices.voice_dtw]               # settings that a person may choose: a list of values or {{ min = 1, max = 2 }}
+# [choices.voice_dtw]               # settings that a person may choose: a list, {{ min = 1, max = 2 }} or "any"
 """
 
 
