@@ -103,7 +103,7 @@ class Guard:
                 self._drain_control()
             elif name == WHEELS:
                 arrived = True  # the drive reads its own answers in poll()
-            else:
+            elif name in self.lanes:  # the control line may just have closed it
                 arrived |= self._drain_lane(name)
         return arrived
 

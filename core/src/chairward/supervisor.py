@@ -85,7 +85,7 @@ class Supervisor:
         try:
             self._start_companions()
             self._start_guard_and_lanes()
-            self._watch(None if for_s is None else time.monotonic() + for_s)
+            self._watch(for_s)
         finally:
             code = self._end()
         return code
@@ -190,7 +190,7 @@ class Supervisor:
         if (old := self.lanes.get(lane.name)) is not None:
             old.control.close()
             old.process, old.control = process, ours
-            old.started_s, old.beat_s, old.restart_at_s = time.monotonic(), 0.0, 0.0
+            old.started_s, old.beat_s, old.restart_at_s, old.items = time.monotonic(), 0.0, 0.0, 0
             old.dropped_before += old.dropped
             old.dropped = 0
         else:
@@ -203,7 +203,9 @@ class Supervisor:
 
     # ---- watching -------------------------------------------------------------------------------------------------
 
-    def _watch(self, end_s: float | None) -> None:
+    def _watch(self, for_s: float | None) -> None:
+        """Until told to stop; the time asked for runs from the moment when every lane has worked once."""
+        end_s = None
         assert self._control is not None
         assert self._records is not None
         assert self._guard is not None
@@ -226,6 +228,8 @@ class Supervisor:
                     self.stop(f"companion '{name}' ended: {self._last_words(name)}")
             if self._guard.poll() is not None:
                 self.stop(f"the guard ended: {self._last_words('guard')}")
+            if end_s is None and for_s is not None and all(lane.items or lane.deaths for lane in self.lanes.values()):
+                end_s = now + for_s
             if end_s is not None and now >= end_s:
                 self.stop("the time asked for is over")
 
@@ -263,9 +267,9 @@ class Supervisor:
             if code == 0 and self._stop:
                 return
             reason = f"its process {_how(code)}: {self._last_words(f'lane-{lane.plan.name}')}"
-        elif lane.beat_s and now - lane.beat_s > LANE_HANG_S:
+        elif lane.items and now - lane.beat_s > LANE_HANG_S:
             reason = f"its process has not moved for {LANE_HANG_S:.0f} s"
-        elif not lane.beat_s and now - lane.started_s > LANE_START_S:
+        elif not lane.items and now - max(lane.started_s, lane.beat_s) > LANE_START_S:
             reason = f"its process was not ready within {LANE_START_S:.0f} s"
         if not reason:
             return

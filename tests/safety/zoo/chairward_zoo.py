@@ -113,15 +113,19 @@ class VoiceCitizen(Citizen):
 
 
 class PanelCitizen(Citizen):
-    """A stop device that arms once a second until told otherwise."""
+    """A stop device that presses RESET and ARM in turn, about once a second, until told otherwise."""
+
+    pressed = Button.ARM
 
     def good(self, **changes: Any) -> object:
         self.seq += 1
         now = time.monotonic_ns()
         messages: list[Message] = [Alive(seq=self.seq, captured_ns=now)]
-        if self.seq % max(1, 1000 // self.settings.period_ms) == 0 and not (self.context.run_dir / "no-arm").exists():
+        if not (self.context.run_dir / "no-arm").exists() and self.seq % max(1, 500 // self.settings.period_ms) < 2:
             self.seq += 1
-            messages.append(Press(seq=self.seq, captured_ns=now, button=Button.ARM))
+            button = Button.ARM if self.pressed is Button.RESET else Button.RESET
+            self.pressed = button
+            messages.append(Press(seq=self.seq, captured_ns=now, button=button))
         return messages
 
 

@@ -49,6 +49,7 @@ Headless = Annotated[bool, typer.Option(help="no live status line")]
 Json = Annotated[bool, typer.Option("--json", help="the summary as JSON on standard output")]
 Record_ = Annotated[Path | None, typer.Option("--record", help="where the recording goes (.mcap)")]
 NoRecord = Annotated[bool, typer.Option("--no-record", help="keep no recording")]
+Logs = Annotated[Path | None, typer.Option("--logs", help="keep what each process of the run says in this folder")]
 
 
 def run(
@@ -60,6 +61,7 @@ def run(
     as_json: Json = False,
     record: Record_ = None,
     no_record: NoRecord = False,
+    logs: Logs = None,
 ) -> None:
     """Drive the chair that the chair file describes. Ctrl-C stops the chair first."""
     drive(
@@ -70,6 +72,7 @@ def run(
         headless=headless or as_json,
         as_json=as_json,
         record=None if no_record else record or default_recording(),
+        logs=logs,
     )
 
 
@@ -81,9 +84,10 @@ def demo(
     as_json: Json = False,
     record: Record_ = None,
     no_record: NoRecord = False,
+    logs: Logs = None,
 ) -> None:
     """Drive the simulated chair in a simulated home: no hardware is needed, and nothing bypasses the real path."""
-    run("sim", person, sets, for_, headless, as_json, record, no_record)
+    run("sim", person, sets, for_, headless, as_json, record, no_record, logs)
 
 
 def drive(
@@ -95,6 +99,7 @@ def drive(
     headless: bool,
     as_json: bool,
     record: Path | None,
+    logs: Path | None = None,
 ) -> None:
     """Load, run, sum up; errors are one sentence on standard error and exit code 2."""
     console = Console(stderr=True)
@@ -118,6 +123,10 @@ def drive(
         console.print(f"chairward: {error}", style="red", markup=False, highlight=False)
         raise typer.Exit(2) from None
     finally:
+        if logs is not None:
+            logs.mkdir(parents=True, exist_ok=True)
+            for file in run_dir.glob("*.log"):
+                shutil.copy(file, logs)
         shutil.rmtree(run_dir, ignore_errors=True)
     result["recording"] = str(record) if record else None
     if as_json:
