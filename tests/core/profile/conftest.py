@@ -195,3 +195,9 @@ def limits_of_person(offers: Registry, tmp_path_factory: pytest.TempPathFactory)
         return house.load().limits
 
     return limits
+
+
+@pytest.fixture(scope="module")
+def house_of_module(offers: Registry, tmp_path_factory: pytest.TempPathFactory) -> House:
+    """As `house`, one for all tests of a module."""
+    return House(tmp_path_factory.mktemp("module") / "profiles", offers)
