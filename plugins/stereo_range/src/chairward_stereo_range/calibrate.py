@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from chairward.stages import Image
 from chairward_stereo_range.calibration_file import Calibration, CalibrationError, Camera
+from chairward_stereo_range.opencv import opencv
 
 Corners = npt.NDArray[np.float32]
 MAX_RMS_PX = 0.5
@@ -35,8 +36,7 @@ class View:
 
 def find_corners(grey: Image, board: tuple[int, int]) -> Corners | None:
     """Inner corners of a board (columns, rows), n x 1 x 2 px, or None."""
-    import cv2
-
+    cv2 = opencv()
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
     found, corners = cv2.findChessboardCorners(grey, board, flags=flags)
     if not found:
@@ -69,8 +69,7 @@ def find_views(
     pairs: list[tuple[Path, Path]], board: tuple[int, int]
 ) -> tuple[list[View], dict[str, str], tuple[int, int]]:
     """(views, dropped name -> reason, picture size). Raises CalibrationError on unreadable or unequal pictures."""
-    import cv2
-
+    cv2 = opencv()
     views: list[View] = []
     dropped: dict[str, str] = {}
     size: tuple[int, int] | None = None
@@ -166,8 +165,7 @@ def board_points(board: tuple[int, int], square_mm: float) -> npt.NDArray[np.flo
 
 
 def _solve(views: list[View], size: tuple[int, int], board: tuple[int, int], square_mm: float) -> _Solved:
-    import cv2
-
+    cv2 = opencv()
     points = [board_points(board, square_mm)] * len(views)
     left, right = [v.left for v in views], [v.right for v in views]
     rms1, k1, d1, _, _ = cv2.calibrateCamera(points, left, size, None, None)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from chairward.stages import Image, StereoGeometry
+from chairward_stereo_range.opencv import opencv
 
 Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 Matrix3 = Annotated[list[Vector3], Field(min_length=3, max_length=3)]
@@ -73,7 +74,7 @@ def load(path: Path) -> Calibration:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "file"
         raise CalibrationError(
-            f"{path}: {where}: {first['msg']}: not a calibration of version 1, make it with `chairward calibrate stereo`"
+            f"{path}: {where}: {first['msg']}: no calibration of version 1: make it with `chairward calibrate stereo`"
         ) from error
 
 
@@ -81,8 +82,7 @@ class Rectifier:
     """Turns raw camera pictures into the row-aligned pair of the working size (fixed-point maps, 0.45 ms a pair)."""
 
     def __init__(self, calibration: Calibration, width_px: int, height_px: int, source: str = "calibration") -> None:
-        import cv2
-
+        cv2 = opencv()
         c = calibration
         self.source = source
         self.size = (c.image_width_px, c.image_height_px)
@@ -112,8 +112,7 @@ class Rectifier:
 
     def __call__(self, left: Image, right: Image) -> tuple[Image, Image]:
         """Raises CalibrationError when the pictures are not of the calibrated size."""
-        import cv2
-
+        cv2 = opencv()
         for name, picture in (("left", left), ("right", right)):
             if picture.shape[1::-1] != self.size:
                 raise CalibrationError(

@@ -81,9 +81,6 @@ def run(
     keep: Callable[[Entry, Image, Measurement], None] = lambda _entry, _left, _found: None,
 ) -> Results:
     """Measure every entry. Raises manifest.ManifestError."""
-    import cv2
-
-    cv2.setNumThreads(1)
     results = Results()
     finders: dict[object, RangeFinder] = {}
     for entry in entries:

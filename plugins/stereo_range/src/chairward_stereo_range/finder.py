@@ -1,4 +1,7 @@
-"""From a rectified pair to facts: disparity, floor, the nearest thing each way, and whether it could be seen at all."""
+"""From a rectified pair to facts: disparity, floor, the nearest thing each way, and whether it could be seen at all.
+
+Decisions are made on a grid of half the picture's size (every second row and column), where pixels are plenty enough.
+"""
 
 from __future__ import annotations
 
@@ -13,19 +16,26 @@ from chairward.stages import Floats, Image
 from chairward_stereo_range import thesis
 from chairward_stereo_range.floor import FloorFit, fit_floor, split
 from chairward_stereo_range.geometry import THESIS_HEIGHT, View, disparity_range, thesis_trapezoid
-from chairward_stereo_range.matching import Matcher, Method, make_matcher
-from chairward_stereo_range.nearest import Nearest, nearest
-from chairward_stereo_range.texture import noise_sigma, textured
+from chairward_stereo_range.honesty import hidden_distance_mm
+from chairward_stereo_range.matching import Method, make_matcher
+from chairward_stereo_range.nearest import RELIEF, nearest
+from chairward_stereo_range.opencv import opencv
+from chairward_stereo_range.pyramid import Match, Pyramid, half_size, mean_of_four, without_specks
+from chairward_stereo_range.texture import noise_sigma, periodic, textured
 
+HIDDEN_MARGIN = 1.15
+REPEATING_SHARE = 0.1
 Bools = npt.NDArray[np.bool_]
 RegionKind = Literal["corridor", "trapezoid"]
+FINE_ROWS = (112, 218)
+"""Rows (at 240) in which the pyramid refines: the thesis' region and a margin."""
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
     """How to measure; see the settings of the stage for what each means."""
 
-    method: Method = "sgbm_3way"
+    method: Method = "pyramid"
     region: RegionKind = "corridor"
     nearest_mm: float = 240.0
     farthest_mm: float = 3500.0
@@ -34,11 +44,12 @@ class Options:
     side_margin_mm: float = 20.0
     margin_px: float = 0.9
     min_coverage: float = 0.12
+    stop_mm: float = 600.0
 
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """The nearest thing one way: depth_mm along the optical axis, ahead_mm from the footprint; row, col of its middle."""
+    """The nearest thing one way: depth_mm along the optical axis, ahead_mm from the footprint; its row and column."""
 
     depth_mm: float
     ahead_mm: float
@@ -52,6 +63,7 @@ class Measurement:
     """What one pair says. disparity: h x w px, NaN unknown; floor, obstacle, region: h x w bool.
 
     ahead, left, right: None when nothing is near that way. coverage: part of the region that was matched, 0..1.
+    hidden_mm: how near (depth) something could stand in what was not matched; infinite when nothing suggests it.
     """
 
     disparity: Floats
@@ -64,6 +76,7 @@ class Measurement:
     coverage: float
     can_see: bool
     reason: str = ""
+    hidden_mm: float = float("inf")
     floor_fit: FloorFit = field(default_factory=FloorFit)
     sigma: float = 0.0
 
@@ -79,11 +92,21 @@ class RangeFinder:
         self.region = self.trapezoid if options.region == "trapezoid" else self._corridor()
         rows = np.nonzero(self.region.any(axis=1))[0]
         pad = int(8 * self.scale)
-        self.top, self.bottom = max(0, int(rows[0]) - pad), min(g.height_px, int(rows[-1]) + 1 + pad)
+        self.top = max(0, int(rows[0]) - pad) // 2 * 2
+        self.bottom = min(g.height_px, int(rows[-1]) + 1 + pad) // 2 * 2
         self.first, self.count = disparity_range(g, options.nearest_mm)
-        self.matcher: Matcher | None = None
-        if options.method not in thesis.LIMITS:
-            self.matcher = make_matcher(options.method, self.first, self.count)
+        grid = (slice(self.top, self.bottom, 2), slice(0, g.width_px // 2 * 2, 2))
+        self._grid = grid
+        self._d_floor = np.ascontiguousarray(view.d_floor[grid])
+        self._left = np.ascontiguousarray(view.left[grid])
+        self._up = np.ascontiguousarray(view.up[grid])
+        self._region = np.ascontiguousarray(self.region[grid])
+        fine = [int(row * self.scale) for row in FINE_ROWS]
+        self._fine = (max(self.top, fine[0]) - self.top, min(self.bottom, fine[1]) - self.top)
+        if options.method == "pyramid":
+            self._pyramid = Pyramid(self.first, self.count, self.scale, self._fine)
+        elif options.method not in thesis.LIMITS:
+            self._matcher = make_matcher(options.method, self.first, self.count)
 
     @property
     def horizon_row(self) -> float:
@@ -92,107 +115,151 @@ class RangeFinder:
         return float(below[0]) if self.view.floor_known and below.size else float(self.view.geometry.height_px)
 
     def _corridor(self) -> Bools:
-        """Where the picture can show a point of the corridor between the nearest and 1.5 m, or the floor there."""
+        """Where the picture can show a point of the corridor between the nearest depth and 1.5 m."""
         v, o = self.view, self.options
         half = v.footprint.half_width_mm + o.side_margin_mm
         seen = np.zeros(v.forward.shape, bool)
         for depth in np.geomspace(o.nearest_mm, 1500.0, 12):
-            seen |= (np.abs(v.pose.y_mm + depth * v.left) <= half) & self._high_enough(np.float32(depth))
+            z = np.full(v.forward.shape, depth, np.float32)
+            seen |= (np.abs(v.pose.y_mm + z * v.left) <= half) & self._passable_height(z, v.up)
         return seen
 
-    def _high_enough(self, depth: np.float32 | Floats) -> Bools:
-        v = self.view
-        height = v.pose.z_mm + depth * v.up
-        return np.asarray((height > -0.1 * depth if v.floor_known else True) & (height < self.options.height_mm))
+    def _passable_height(self, depth: Floats, up: Floats) -> Bools:
+        """Neither over the chair nor far below the floor."""
+        height = self.view.pose.z_mm + depth * up
+        low = height > -0.1 * depth if self.view.floor_known else np.ones(depth.shape, bool)
+        return np.asarray(low & (height < self.options.height_mm))
 
     def measure(self, left: Image, right: Image, mask: Bools | None = None) -> Measurement:
         """left, right: h x w x 3 BGR of the view's size. mask: appearance's obstacles, for the thesis methods only."""
-        import cv2
-
-        rows = slice(self.top, self.bottom)
-        grey_left = cv2.cvtColor(np.ascontiguousarray(left[rows]), cv2.COLOR_BGR2GRAY)
-        grey_right = cv2.cvtColor(np.ascontiguousarray(right[rows]), cv2.COLOR_BGR2GRAY)
-        if self.matcher is None:
+        cv2 = opencv()
+        rows, cols = slice(self.top, self.bottom), slice(0, left.shape[1] // 2 * 2)
+        grey_left = cv2.cvtColor(np.ascontiguousarray(left[rows, cols]), cv2.COLOR_BGR2GRAY)
+        grey_right = cv2.cvtColor(np.ascontiguousarray(right[rows, cols]), cv2.COLOR_BGR2GRAY)
+        if self.options.method in thesis.LIMITS:
             return self._thesis(grey_left, grey_right, mask)
-        found = self.matcher(grey_left, grey_right)
-        sigma = noise_sigma(grey_left)
-        found[~textured(grey_left, sigma)] = np.nan
-        found = without_specks(found, int(40 * self.scale**2), 1.5)
-        disparity = np.full(left.shape[:2], np.nan, np.float32)
-        disparity[rows] = found
-        return self._judge(disparity, sigma)
+        if self.options.method == "pyramid":
+            match = self._pyramid(grey_left, grey_right)
+        else:
+            match = self._peer(grey_left, grey_right)
+        return self._judge(match)
 
-    def _judge(self, disparity: Floats, sigma: float) -> Measurement:
+    def _peer(self, left: Image, right: Image) -> Match:
+        """Another matcher alone, with the texture gate and speckle filter that all of them profit from."""
+        found = self._matcher(left, right)
+        sigma = noise_sigma(left)
+        found[~textured(left, sigma)] = np.nan
+        found = without_specks(found, int(40 * self.scale**2), 1.5)
+        small, fused = half_size(left), mean_of_four(found)
+        return Match(fused, textured(small, noise_sigma(small)), np.isfinite(fused), found, sigma, small)
+
+    def _judge(self, match: Match) -> Measurement:
         v, o = self.view, self.options
-        known = np.isfinite(disparity)
+        d = match.fused
+        known = np.isfinite(d)
         fit = FloorFit()
         if v.floor_known:
-            fit = fit_floor(disparity, v.d_floor, self.scale)
-            floor, above, _below = split(
-                disparity, fit.apply(v.d_floor), v.pose.z_mm, o.clearance_mm, o.margin_px * self.scale
-            )
+            fit = fit_floor(d, self._d_floor, self.scale)
+            floor_line = fit.apply(self._d_floor)
+            floor, above, _below = split(d, floor_line, v.pose.z_mm, o.clearance_mm, o.margin_px * self.scale)
         else:
             floor, above = np.zeros_like(known), known
-        depth = v.depth_mm(np.nan_to_num(disparity, nan=0.0))
-        above &= depth < o.farthest_mm
+        full = np.where(known, d + np.float32(v.geometry.doffs_px), np.float32(1e-3))
+        depth = (v.fb / np.maximum(full, 1e-3)).astype(np.float32)
+        above = above & (depth < o.farthest_mm)
         if o.region == "corridor":
-            lateral = v.pose.y_mm + depth * v.left
-            inside = (np.abs(lateral) <= v.footprint.half_width_mm + o.side_margin_mm) & self._high_enough(depth)
+            inside = np.abs(v.pose.y_mm + depth * self._left) <= v.footprint.half_width_mm + o.side_margin_mm
+            inside &= self._passable_height(depth, self._up)
         else:
-            inside = self.region
-        third = v.geometry.width_px // 3
-        ahead = self._spot(disparity, above & inside)
-        left = self._spot(disparity, above, slice(0, third))
-        right = self._spot(disparity, above, slice(v.geometry.width_px - third, None))
-        coverage = float((known & self.region).sum()) / max(1, int(self.region.sum()))
-        can_see = coverage >= o.min_coverage
-        reason = "" if can_see else "too little texture to measure (a plain wall?)"
+            inside = self._region
+        ahead = self._spot(full, above & inside, match.sharp)
+        third = d.shape[1] // 3
+        low_enough = above & self._passable_height(depth, self._up)
+        left = self._spot(full, low_enough & _columns(d.shape, 0, third), match.sharp)
+        right = self._spot(full, low_enough & _columns(d.shape, d.shape[1] - third, d.shape[1]), match.sharp)
+        coverage = float((known & self._region).sum()) / max(1, int(self._region.sum()))
+        ceiling = np.inf if ahead is None else RELIEF * v.fb / ahead.depth_mm + 1.5 * self.scale
+        hidden = hidden_distance_mm(match, full, above, self._region, v, self.scale, ceiling)
+        reason = ""
+        if coverage < o.min_coverage:
+            reason = "too little texture to measure (a plain wall?)"
+        elif hidden <= HIDDEN_MARGIN * o.stop_mm and (ahead is None or ahead.depth_mm > o.stop_mm):
+            reason = f"a plain surface could be as near as {hidden:.0f} mm"
+        elif self._repeats(match):
+            reason = "a repeating pattern could be nearer than it seems"
         return Measurement(
-            disparity, floor, above, self.region, ahead, left, right, coverage, can_see, reason, fit, sigma
+            disparity=self._whole(match.precise),
+            floor=self._whole_mask(floor),
+            obstacle=self._whole_mask(above),
+            region=self.region,
+            ahead=ahead,
+            left=left,
+            right=right,
+            coverage=coverage,
+            can_see=not reason,
+            reason=reason,
+            hidden_mm=hidden,
+            floor_fit=fit,
+            sigma=match.sigma,
         )
 
-    def _spot(self, disparity: Floats, candidates: Bools, columns: slice | None = None) -> Spot | None:
+    def _repeats(self, match: Match) -> bool:
+        """Does the lower half of the region, where a near thing must stand, repeat itself along its rows?"""
+        half = self._region.shape[0] // 2
+        low = self._region[half:]
+        repeats = periodic(match.small[half:], self.count // 2, match.sigma)
+        return bool((repeats & low).sum() > REPEATING_SHARE * max(1, int(low.sum())))
+
+    def _whole(self, strip: Floats) -> Floats:
+        out = np.full(self.view.forward.shape, np.nan, np.float32)
+        out[self.top : self.bottom, : strip.shape[1]] = strip
+        return out
+
+    def _whole_mask(self, grid: Bools) -> Bools:
+        out = np.zeros(self.view.forward.shape, bool)
+        out[self.top : self.bottom, : 2 * grid.shape[1]] = np.repeat(np.repeat(grid, 2, axis=0), 2, axis=1)
+        return out
+
+    def _spot(self, full: Floats, candidates: Bools, sharp: Bools) -> Spot | None:
         v = self.view
-        start = 0
-        if columns is not None:
-            start = columns.indices(disparity.shape[1])[0]
-            disparity, candidates = disparity[:, columns], candidates[:, columns]
-        rows, cols = np.nonzero(candidates)
-        values = disparity[rows, cols] + np.float32(v.geometry.doffs_px)
-        found: Nearest | None = nearest(values, v.geometry.baseline_mm, self.scale)
+        found = nearest(full, candidates, sharp, v.geometry.baseline_mm, self.scale)
         if found is None:
             return None
         depth = v.fb / found.disparity_px
-        row, col = int(np.median(rows[found.chosen])), int(np.median(cols[found.chosen])) + start
-        ahead = float(np.quantile(v.forward[rows[found.chosen], cols[found.chosen] + start], 0.15)) * depth
-        return Spot(depth, ahead + v.ahead_offset_mm(), row, col, found.pixels)
+        rows, cols = found.rows * 2 + self.top, found.cols * 2
+        ahead = float(np.median(v.forward[rows, cols])) * depth + v.ahead_offset_mm()
+        return Spot(depth, ahead, int(np.median(rows)), int(np.median(cols)), found.pixels)
 
     def _thesis(self, grey_left: Image, grey_right: Image, mask: Bools | None) -> Measurement:
         """The thesis' way: NCC gated by appearance, whole pixels, no idea of blindness."""
         v = self.view
-        gate = self.trapezoid if mask is None else self.trapezoid & mask
+        gate = (self.trapezoid if mask is None else self.trapezoid & mask)[self.top : self.bottom, : grey_left.shape[1]]
         limit = round(thesis.LIMITS[self.options.method] * self.scale)
-        found = thesis.ncc_disparity(grey_left, grey_right, gate[self.top : self.bottom], limit)
-        found = thesis.smoothed(found)
-        disparity = np.full(v.forward.shape, np.nan, np.float32)
-        disparity[self.top : self.bottom] = np.where(found > 0, found, np.nan)
+        found = thesis.smoothed(thesis.ncc_disparity(grey_left, grey_right, gate, limit))
+        disparity = self._whole(np.where(found > 0, found, np.nan).astype(np.float32))
         d = thesis.nearest_disparity(found, round(thesis.MIN_PIXELS * self.scale**2))
         z = thesis.distance_mm(d, v.geometry.focal_px, v.geometry.baseline_mm, v.geometry.doffs_px)
         spot = None
         if d > 0:
             rows, cols = np.nonzero(disparity == d)
             spot = Spot(z, z + v.ahead_offset_mm(), int(np.median(rows)), int(np.median(cols)), rows.size)
-        nothing = np.zeros(disparity.shape, bool)
-        return Measurement(disparity, nothing, np.isfinite(disparity), self.trapezoid, spot, None, None, 1.0, True)
+        return Measurement(
+            disparity=disparity,
+            floor=np.zeros(disparity.shape, bool),
+            obstacle=np.isfinite(disparity),
+            region=self.trapezoid,
+            ahead=spot,
+            left=None,
+            right=None,
+            coverage=1.0,
+            can_see=True,
+        )
 
 
-def without_specks(disparity: Floats, max_pixels: int, jump_px: float) -> Floats:
-    """The disparity map without islands of up to max_pixels pixels (islands: neighbours differ by at most jump_px)."""
-    import cv2
-
-    fixed = np.where(np.isfinite(disparity), disparity * 16.0, -32768.0).astype(np.int16)
-    cv2.filterSpeckles(fixed, -32768, max_pixels, int(jump_px * 16))
-    return np.where(fixed > -32768, disparity, np.nan).astype(np.float32)
+def _columns(shape: tuple[int, ...], start: int, end: int) -> Bools:
+    mask = np.zeros(shape, bool)
+    mask[:, start:end] = True
+    return mask
 
 
 def reported_mm(spot: Spot | None) -> int:

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from chairward.components import Footprint, Pose
 from chairward.stages import Floats, Image, StereoGeometry
 from chairward_stereo_range.geometry import thesis_trapezoid, working_size
+from chairward_stereo_range.opencv import opencv
 
 MOUNTS = {"A": Pose(z_mm=400.0, pitch_deg=0.0), "B": Pose(z_mm=700.0, pitch_deg=15.0)}
 """The two camera mounts of the sets: height above the floor and downward pitch."""
@@ -138,8 +139,7 @@ def _note(text: str) -> dict[str, str]:
 
 def image(path: Path) -> Image:
     """A colour picture. Raises ManifestError."""
-    import cv2
-
+    cv2 = opencv()
     found = cv2.imread(str(path), cv2.IMREAD_COLOR)
     if found is None:
         raise ManifestError(f"{path}: cannot be read as a picture: check the manifest's path")
@@ -148,8 +148,7 @@ def image(path: Path) -> Image:
 
 def pair(left: Path, right: Path, height_px: int) -> tuple[Image, Image, tuple[int, int]]:
     """Both pictures at the working height, and the (width, height) they had."""
-    import cv2
-
+    cv2 = opencv()
     a, b = image(left), image(right)
     if a.shape != b.shape:
         raise ManifestError(
@@ -165,8 +164,7 @@ def pair(left: Path, right: Path, height_px: int) -> tuple[Image, Image, tuple[i
 
 def true_disparity(entry: Entry, width_px: int, height_px: int) -> Floats:
     """Ground-truth disparity of a stereo_gt row at the working size, px, NaN unknown."""
-    import cv2
-
+    cv2 = opencv()
     if entry.gt is None:
         raise ManifestError(f"{entry.name}: kind stereo_gt needs a gt file")
     raw = cv2.imread(str(entry.gt), cv2.IMREAD_UNCHANGED)
@@ -206,8 +204,7 @@ def sequence_truth(entry: Entry) -> dict[int, float]:
 
 
 def _nearest_of_pictures(depth: Path, ids: Path | None) -> float:
-    import cv2
-
+    cv2 = opencv()
     z = cv2.imread(str(depth), cv2.IMREAD_UNCHANGED)
     if z is None:
         raise ManifestError(f"{depth}: cannot be read: a sequence's gt pattern needs a depth picture for each frame")

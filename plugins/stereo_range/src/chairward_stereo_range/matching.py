@@ -8,14 +8,17 @@ nothing else); `bm` and `sgbm*` are OpenCV's. SGBM is semi-global dynamic progra
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from chairward.stages import Floats, Image
+from chairward_stereo_range.opencv import opencv
 
-Method = Literal["thesis_code", "thesis_text", "ncc", "zncc", "sad", "ssd", "bm", "sgbm", "sgbm_3way", "sgbm_hh"]
+Method = Literal[
+    "pyramid", "thesis_code", "thesis_text", "ncc", "zncc", "sad", "ssd", "bm", "sgbm", "sgbm_3way", "sgbm_hh"
+]
 BLOCK_METHODS = ("ncc", "zncc", "sad", "ssd")
 Matcher = Callable[[Image, Image], Floats]
 
@@ -28,24 +31,23 @@ def make_matcher(method: Method, first: int, count: int) -> Matcher:
     if method in BLOCK_METHODS:
         return lambda left, right: block_match(left, right, method, first, count)
     if method == "bm":
-        return _bm(first, count)
+        return block_matcher(first, count)
     if method in ("sgbm", "sgbm_3way", "sgbm_hh"):
-        return _sgbm(method, first, count)
+        return semi_global_matcher(first, count, method)
     raise ValueError(f"stereo_range.method = '{method}': use one of bm, sgbm, sgbm_3way, sgbm_hh, {BLOCK_METHODS}")
 
 
 def _padded(image: Image, left_px: int, right_px: int) -> Image:
     """OpenCV leaves the columns that could match outside the right picture empty: give it room there."""
-    import cv2
-
+    cv2 = opencv()
     return np.asarray(cv2.copyMakeBorder(image, 0, 0, left_px, right_px, cv2.BORDER_REPLICATE), np.uint8)
 
 
-def _opencv(matcher: object, first: int, count: int) -> Matcher:
+def _opencv(matcher: Any, first: int, count: int) -> Matcher:
     ahead, behind = max(0, first + count), max(0, -first)
 
     def match(left: Image, right: Image) -> Floats:
-        found = matcher.compute(_padded(left, ahead, behind), _padded(right, ahead, behind))  # type: ignore[attr-defined]
+        found = matcher.compute(_padded(left, ahead, behind), _padded(right, ahead, behind))
         d: Floats = found[:, ahead : ahead + left.shape[1]].astype(np.float32) / np.float32(SUBPIXEL)
         d[d < first] = np.nan
         return d
@@ -53,9 +55,9 @@ def _opencv(matcher: object, first: int, count: int) -> Matcher:
     return match
 
 
-def _bm(first: int, count: int, block: int = 15) -> Matcher:
-    import cv2
-
+def block_matcher(first: int, count: int, block: int = 15) -> Matcher:
+    """OpenCV's StereoBM: absolute differences of Sobel-filtered blocks."""
+    cv2 = opencv()
     m = cv2.StereoBM_create(count, block)
     m.setMinDisparity(first)
     m.setPreFilterType(cv2.STEREO_BM_PREFILTER_XSOBEL)
@@ -66,9 +68,9 @@ def _bm(first: int, count: int, block: int = 15) -> Matcher:
     return _opencv(m, first, count)
 
 
-def _sgbm(method: str, first: int, count: int, block: int = 5) -> Matcher:
-    import cv2
-
+def semi_global_matcher(first: int, count: int, method: str, block: int = 5) -> Matcher:
+    """OpenCV's StereoSGBM, in three directions (sgbm_3way), five (sgbm) or eight (sgbm_hh)."""
+    cv2 = opencv()
     modes = {
         "sgbm": cv2.STEREO_SGBM_MODE_SGBM,
         "sgbm_3way": cv2.STEREO_SGBM_MODE_SGBM_3WAY,
@@ -122,13 +124,12 @@ def block_match(
         rest[np.clip(k + step, 0, count - 1), rows, cols] = np.inf
     trusted &= best <= uniqueness * rest.min(axis=0)
     found[~trusted] = np.nan
-    return found
+    return np.asarray(found, np.float32)
 
 
 def cost_volume(left: Image, right: Image, measure: str, first: int, count: int, half: int) -> Floats:
     """count x h x w costs of comparing left (y, x) with right (y, x - d); inf where that window leaves the picture."""
-    import cv2
-
+    cv2 = opencv()
     h, w = left.shape
     side = (2 * half + 1, 2 * half + 1)
     a, b = left.astype(np.float32), right.astype(np.float32)

@@ -1,4 +1,4 @@
-"""The nearest thing among many pixels: one decision, made on a histogram of their disparities."""
+"""The nearest thing among candidate pixels: found on a histogram, measured on its smoothed near side."""
 
 from __future__ import annotations
 
@@ -8,45 +8,83 @@ import numpy as np
 import numpy.typing as npt
 
 from chairward.stages import Floats
+from chairward_stereo_range.opencv import opencv
+from chairward_stereo_range.pyramid import without_specks
 
 BIN_PX = 0.5
 WINDOW = 5
 MIN_AREA_MM2 = 1200.0
-"""A thing counts from about 35 x 35 mm on, whatever its distance."""
+"""A thing counts from about 35 x 35 mm on, whatever its distance ..."""
 MIN_PIXELS = 30
-"""... and from this many pixels on (at 240 rows)."""
-QUANTILE = 0.85
-"""Of the disparities of the chosen thing: its near side, not its middle (the truth is its nearest surface)."""
+"""... and from this many pixels on (full-size pixels at 240 rows)."""
+QUANTILE = 0.95
+"""Of the smoothed disparities of the chosen thing: its near side, not its middle."""
+SMOOTH = 5
+RELIEF = 1.15
+"""A thing's near side is at most this much nearer than its peak: what is nearer still, yet too small, is an error."""
 
 
 @dataclass(frozen=True, slots=True)
 class Nearest:
-    """The nearest thing: disparity (px, doffs included), how many pixels hold it, and which of the candidates."""
+    """The nearest thing: its disparity (px, doffs included), size in full-size pixels, and its grid pixels."""
 
     disparity_px: float
     pixels: int
-    chosen: npt.NDArray[np.bool_]
+    rows: npt.NDArray[np.intp]
+    cols: npt.NDArray[np.intp]
 
 
-def nearest(disparity: Floats, baseline_mm: float, scale: float, quantile: float = QUANTILE) -> Nearest | None:
-    """The largest disparity that enough candidates agree on; None when none is held by enough.
+def nearest(
+    disparity: Floats,
+    candidates: npt.NDArray[np.bool_],
+    sharp: npt.NDArray[np.bool_],
+    baseline_mm: float,
+    scale: float,
+) -> Nearest | None:
+    """The nearest group of candidates that is large enough to be a thing; None when there is none.
 
-    disparity: 1-d, px with doffs added (so that Z = f B / d); scale: rows / 240. From near to far, the first window of
-    2.5 px that holds the pixels a 35 x 35 mm patch would have there; then up to its peak.
+    disparity: half-size grid, full-size px with doffs added (Z = f B / d). sharp: pixels measured at full size, which
+    are preferred where there are enough. scale: rows / 240. From near to far, the
+    first window of 2.5 px that holds as many pixels as a 35 x 35 mm patch would; from its peak on, everything nearer
+    belongs to it.
     """
-    least = MIN_PIXELS * scale * scale
-    if disparity.size < least:
+    values = disparity[candidates]
+    least = MIN_PIXELS * scale * scale / 4
+    if values.size < least:
         return None
     width = BIN_PX * scale
-    counts = np.bincount((disparity / width).astype(np.int32), minlength=8)
+    counts = np.bincount((values / width).astype(np.int32), minlength=8)
     held = np.convolve(counts, np.ones(WINDOW, np.int64), "same")
     centre = (np.arange(counts.size) + 0.5) * width
-    enough = np.nonzero(held >= np.maximum(least, MIN_AREA_MM2 * (centre / baseline_mm) ** 2))[0]
+    enough = np.nonzero(held >= np.maximum(least, MIN_AREA_MM2 / 4 * (centre / baseline_mm) ** 2))[0]
     if enough.size == 0:
         return None
     i = int(enough[-1])
     while i > 0 and held[i - 1] > held[i]:
         i -= 1
-    chosen = np.abs(disparity - centre[i]) <= 1.5 * scale
-    values = disparity[chosen]
-    return Nearest(float(np.quantile(values, quantile)), int(values.size), chosen)
+    slack = 1.5 * scale
+    member = candidates & (disparity >= centre[i] - slack) & (disparity <= RELIEF * centre[i] + slack)
+    need = max(least, MIN_AREA_MM2 / 4 * (centre[i] / baseline_mm) ** 2)
+    whole = without_specks(np.where(member, disparity, np.nan).astype(np.float32), int(need), 1.0 * scale)
+    if np.isfinite(whole).any():
+        member &= np.isfinite(whole)
+    if int((member & sharp).sum()) >= need / 2:
+        member &= sharp
+    smooth = _smoothed(disparity, member)
+    rows, cols = np.nonzero(np.isfinite(smooth))
+    if rows.size < least / 2:
+        rows, cols = np.nonzero(member)
+        smooth = disparity
+    found = smooth[rows, cols]
+    disparity_px = float(np.quantile(found, QUANTILE))
+    at = np.nonzero(found >= disparity_px - 0.25 * scale)[0]
+    return Nearest(disparity_px, 4 * int(member.sum()), rows[at], cols[at])
+
+
+def _smoothed(disparity: Floats, member: npt.NDArray[np.bool_]) -> Floats:
+    """Mean over 5x5 members; NaN outside and where fewer than half are members (rims are the noisiest)."""
+    cv2 = opencv()
+    weight = member.astype(np.float32)
+    total = cv2.blur(np.where(member, disparity, 0.0).astype(np.float32), (SMOOTH, SMOOTH))
+    share = cv2.blur(weight, (SMOOTH, SMOOTH))
+    return np.where(member & (share >= 0.5), total / np.maximum(share, 1e-6), np.nan).astype(np.float32)

@@ -8,6 +8,7 @@ import numpy as np
 
 from chairward.stages import Image
 from chairward_stereo_range.finder import Measurement, RangeFinder
+from chairward_stereo_range.opencv import opencv
 
 GREEN, YELLOW, RED, WHITE = (80, 200, 80), (40, 210, 240), (60, 60, 230), (255, 255, 255)
 
@@ -23,8 +24,7 @@ def draw(
 
 def overlay(left: Image, found: Measurement, stop_mm: int) -> Image:
     """The left picture with obstacles tinted, the region outlined, the nearest thing marked with its distance."""
-    import cv2
-
+    cv2 = opencv()
     out = left.copy()
     tint = found.obstacle & found.region
     out[tint] = out[tint] // 2 + np.array([30, 30, 110], np.uint8)

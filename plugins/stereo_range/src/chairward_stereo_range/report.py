@@ -13,6 +13,8 @@ from chairward.stages import Image
 from chairward_stereo_range import evaluate, panes
 from chairward_stereo_range.evaluate import Gate, PairResult, Results
 from chairward_stereo_range.finder import Measurement, Options
+from chairward_stereo_range.manifest import Entry
+from chairward_stereo_range.opencv import opencv
 
 STYLE = "body{font:15px sans-serif;margin:2em;max-width:70em}td,th{padding:.2em .8em;text-align:left}img{margin:.2em}"
 
@@ -25,7 +27,7 @@ def write_report(
     cases = evaluate.worst(results, 12)
     pictures: dict[str, str] = {}
 
-    def keep(entry: evaluate.Entry, left: Image, found: Measurement) -> None:
+    def keep(entry: Entry, left: Image, found: Measurement) -> None:
         side_by_side = np.hstack(
             [panes.overlay(left, found, int(evaluate.STOP_MM)), panes.disparity_picture(found, 0, 64)]
         )
@@ -91,6 +93,5 @@ def _case(case: PairResult, picture: str) -> str:
 
 
 def _png(image: Image) -> str:
-    import cv2
-
+    cv2 = opencv()
     return base64.b64encode(cv2.imencode(".png", image)[1].tobytes()).decode("ascii")

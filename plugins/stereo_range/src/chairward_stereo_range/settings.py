@@ -14,9 +14,7 @@ from chairward_stereo_range.matching import Method
 class StereoRangeSettings(Settings):
     """Settings of the stage `stereo_range`."""
 
-    method: Annotated[Method, Field(description="How to match; thesis_code and thesis_text are baselines")] = (
-        "sgbm_3way"
-    )
+    method: Annotated[Method, Field(description="How to match; the thesis methods are baselines")] = "pyramid"
     calibration: Annotated[
         Path | None, Field(description="Calibration file of raw camera pictures, relative to the chair file")
     ] = None

@@ -22,6 +22,7 @@ from chairward.stages import (
 from chairward_stereo_range import calibration_file, panes
 from chairward_stereo_range.finder import Measurement, Options, RangeFinder, reported_mm
 from chairward_stereo_range.geometry import make_view, scaled, working_size
+from chairward_stereo_range.opencv import opencv
 from chairward_stereo_range.settings import StereoRangeSettings
 
 
@@ -44,9 +45,6 @@ class StereoRange:
     """A chairward.components.Processor. Raises CalibrationError at start when the calibration file cannot be used."""
 
     def __init__(self, settings: StereoRangeSettings, context: Context) -> None:
-        import cv2
-
-        cv2.setNumThreads(1)
         self._settings, self._context = settings, context
         self._options = options_of(settings)
         self._calibration: calibration_file.Calibration | None = None
@@ -142,8 +140,7 @@ class StereoRange:
 
 
 def _resized(image: Image, size: tuple[int, int]) -> Image:
-    import cv2
-
+    cv2 = opencv()
     if image.shape[1::-1] == size:
         return image
     how = cv2.INTER_AREA if size[1] < image.shape[0] else cv2.INTER_LINEAR

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from chairward.messages import NOTHING_NEAR_MM
 from chairward.stages import Image
+from chairward_stereo_range.opencv import opencv
 
 HALF_WINDOW = 4
 LIMITS = {"thesis_code": 25, "thesis_text": 30}
@@ -25,8 +26,7 @@ def ncc_disparity(
 
     left, right: h x w grey uint8. Windows that leave either picture are not considered.
     """
-    import cv2
-
+    cv2 = opencv()
     h, w = left.shape
     out = np.zeros((h, w), np.uint8)
     rows = np.nonzero(mask.any(axis=1))[0]
@@ -60,8 +60,7 @@ def ncc_disparity(
 
 def smoothed(disparity: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
     """The thesis' 5x5 median of the disparity map."""
-    import cv2
-
+    cv2 = opencv()
     return np.asarray(cv2.medianBlur(disparity, 5), np.uint8)
 
 

@@ -1,0 +1,63 @@
+"""What the sensor cannot see, and how near something could be standing there.
+
+A plain surface shows stereo its outline only. What lies between the rims can bulge towards the chair, as a column or a
+box seen at its corner does, by up to half its width: so a plain patch of width W between rims at depth Z hides nothing
+nearer than Z - W / 2.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from chairward.stages import Floats
+from chairward_stereo_range.geometry import View
+from chairward_stereo_range.opencv import opencv
+from chairward_stereo_range.pyramid import Match, without_specks
+
+OPEN_PX = 5
+"""Plain patches narrower than this on the half-size grid (at 240 rows) are occlusion seams, not surfaces."""
+RIM_ISLAND = 20
+RIM_SHARE = 0.15
+RIM_PIXELS = 12
+"""A rim counts as near when this part of it, and this many pixels, are obstacle."""
+
+
+def hidden_distance_mm(
+    match: Match,
+    full: Floats,
+    above: npt.NDArray[np.bool_],
+    region: npt.NDArray[np.bool_],
+    view: View,
+    scale: float,
+    ceiling: float,
+) -> float:
+    """The least depth at which something could stand unseen in the region, judged by the rims of plain patches; or inf.
+
+    full: disparity with doffs, half-size grid; above: pixels measured to stand above the floor.
+    ceiling: largest disparity that is believed (nearer than the nearest thing of a fair size are errors).
+    """
+    cv2 = opencv()
+    plain = (~match.textured | ~np.isfinite(match.fused)) & region
+    side = max(3, int(OPEN_PX * scale) | 1)
+    plain8 = cv2.morphologyEx(plain.astype(np.uint8), cv2.MORPH_OPEN, np.ones((side, side), np.uint8))
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(plain8)
+    least = np.inf
+    trusted = above & match.textured & np.isfinite(match.fused) & (full <= ceiling)
+    islands = without_specks(np.where(trusted, full, np.nan).astype(np.float32), round(RIM_ISLAND * scale**2), scale)
+    trusted &= np.isfinite(islands)
+    for i in range(1, count):
+        x, y, w, h, area = (int(v) for v in stats[i])
+        if area < 40 * scale * scale:
+            continue
+        box = (slice(max(0, y - 3), y + h + 3), slice(max(0, x - 3), x + w + 3))
+        patch = (labels[box] == i).astype(np.uint8)
+        rim = cv2.dilate(patch, np.ones((7, 7), np.uint8)).astype(bool) & (patch == 0) & np.isfinite(match.fused[box])
+        near = np.sort(full[box][rim & trusted[box]])[::-1]
+        if near.size < max(RIM_PIXELS * scale, RIM_SHARE * int(rim.sum())):
+            continue
+        depth = view.fb / float(near[near.size // 2])
+        # 2: the grid's pixels are two full-size ones wide. The mean width, as patches are ragged.
+        width_mm = 2 * (area / h) * depth / view.geometry.focal_px
+        least = min(least, depth - width_mm / 2)
+    return float(least)

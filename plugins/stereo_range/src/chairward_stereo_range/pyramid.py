@@ -1,0 +1,117 @@
+"""The default matcher: semi-global matching at half size proposes, block matching at full size confirms and refines.
+
+Half the size averages the noise, reaches a large surround cheaply (1/8 of the work) and fills faint texture; its pixels
+bleed over edges and lock to whole disparities. 9x9 blocks at full size are sharp and precise but often wrong. Where the
+two agree, the blocks' value is taken ("precise"); elsewhere the proposal stands where the picture has texture, or where
+it bridges a plain surface in a straight line between textured rims ("bridged").
+
+All results lie on the half-size grid of the left picture; disparities are full-size pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from chairward.stages import Floats, Image
+from chairward_stereo_range.matching import Matcher, block_matcher, semi_global_matcher
+from chairward_stereo_range.opencv import opencv
+from chairward_stereo_range.texture import noise_sigma, textured
+
+AGREE_PX = 2.5
+"""At 240 rows: how far the block match may lie from the proposal that it confirms."""
+BRIDGE_PX = 1.5
+"""How far a bridged value may lie from the straight line between its rims."""
+SPECK_PIXELS = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """Disparities (full-size px, NaN unknown) of a strip.
+
+    fused, textured, sharp: on the half-size grid; sharp: where blocks confirmed.
+    precise: on the full-size grid, only where both matchers agree.
+    sigma: noise of the left strip at half size, grey levels. small: the left strip at half size.
+    """
+
+    fused: Floats
+    textured: npt.NDArray[np.bool_]
+    sharp: npt.NDArray[np.bool_]
+    precise: Floats
+    sigma: float
+    small: Image
+
+
+class Pyramid:
+    """Both matchers for one search range. fine: rows (first, end) of the strip in which blocks confirm."""
+
+    def __init__(self, first: int, count: int, scale: float, fine: tuple[int, int]) -> None:
+        half_count = max(16, int(np.ceil(count / 2 / 16)) * 16)
+        self._coarse: Matcher = semi_global_matcher(first // 2, half_count, "sgbm_3way")
+        self._fine: Matcher = block_matcher(first, count, block=9)
+        self._scale = scale
+        self._rows = (fine[0] // 2 * 2, fine[1] // 2 * 2)
+
+    def __call__(self, left: Image, right: Image) -> Match:
+        """left, right: grey strips, h x w with h and w even."""
+        small_left, small_right = half_size(left), half_size(right)
+        raw = self._coarse(small_left, small_right)
+        sigma = noise_sigma(small_left)
+        texture = textured(small_left, sigma)
+        proposal = without_specks(np.where(texture, raw, np.nan), round(SPECK_PIXELS * self._scale**2), 1.0)
+        fused = np.where(np.isfinite(proposal), proposal, bridged(raw, proposal, BRIDGE_PX / 2)) * np.float32(2.0)
+        top, end = self._rows
+        blocks = self._fine(left[top:end], right[top:end])
+        around = np.repeat(np.repeat(fused[top // 2 : end // 2], 2, axis=0), 2, axis=1)
+        with np.errstate(invalid="ignore"):
+            blocks[~(np.abs(blocks - around) <= AGREE_PX * self._scale)] = np.nan
+        precise = np.full(left.shape, np.nan, np.float32)
+        precise[top:end] = blocks
+        confirmed = mean_of_four(blocks)
+        part = fused[top // 2 : end // 2]
+        fused[top // 2 : end // 2] = np.where(np.isfinite(confirmed), confirmed, part)
+        sharp = np.zeros(fused.shape, bool)
+        sharp[top // 2 : end // 2] = np.isfinite(confirmed)
+        return Match(fused.astype(np.float32), texture, sharp, precise, sigma, small_left)
+
+
+def half_size(image: Image) -> Image:
+    """Half the size after a 5-tap Gaussian: the pixel (i, j) lies at (2i, 2j) of the full picture."""
+    return np.asarray(opencv().pyrDown(image), np.uint8)
+
+
+def mean_of_four(values: Floats) -> Floats:
+    """Mean of the known ones of each 2x2 block; NaN where none is known."""
+    known = np.isfinite(values)
+    total = np.where(known, values, 0.0).astype(np.float32)
+    h, w = values.shape
+    sums = total.reshape(h // 2, 2, w // 2, 2).sum(axis=(1, 3))
+    counts = known.reshape(h // 2, 2, w // 2, 2).sum(axis=(1, 3))
+    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan).astype(np.float32)
+
+
+def bridged(raw: Floats, trusted: Floats, tolerance: float) -> Floats:
+    """Raw values of untrusted pixels that lie on the straight line between the trusted ends of their row's gap."""
+    h, w = raw.shape
+    known = np.isfinite(trusted)
+    columns = np.arange(w)
+    before = np.maximum.accumulate(np.where(known, columns, -1), axis=1)
+    after = np.minimum.accumulate(np.where(known, columns, w)[:, ::-1], axis=1)[:, ::-1]
+    both = ~known & (before >= 0) & (after < w)
+    rows = np.arange(h)[:, None]
+    start = trusted[rows, np.clip(before, 0, w - 1)]
+    end = trusted[rows, np.clip(after, 0, w - 1)]
+    share = (columns - before) / np.maximum(after - before, 1)
+    with np.errstate(invalid="ignore"):
+        line = start + (end - start) * share
+        fits = both & (np.abs(raw - line) <= tolerance)
+    return np.where(fits, raw, np.nan).astype(np.float32)
+
+
+def without_specks(disparity: Floats, max_pixels: int, jump_px: float) -> Floats:
+    """The disparity map without islands of up to max_pixels pixels (islands: neighbours differ by at most jump_px)."""
+    fixed = np.where(np.isfinite(disparity), disparity * 16.0, -32768.0).astype(np.int16)
+    opencv().filterSpeckles(fixed, -32768, max_pixels, int(jump_px * 16))
+    return np.where(fixed > -32768, disparity, np.nan).astype(np.float32)
