@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
@@ -21,6 +22,8 @@ from chairward.profile.load import check_chair, read_chair, read_person
 
 app = typer.Typer(name="profile", no_args_is_help=True, help="Chair files (integrator) and person files (person).")
 
+WIDE = 250
+"""Columns of `show` where nobody looks at a terminal: every row on one line."""
 Folder = Annotated[Path | None, typer.Option("--profiles", help="folder with chairs/ and people/")]
 Sets = Annotated[list[str] | None, typer.Option("--set", help="component.key=value, validated like the files")]
 
@@ -109,14 +112,16 @@ def show(
     except ProfileError as error:
         typer.echo(f"chairward: {error}", err=True)
         raise typer.Exit(1) from None
-    plan = msgspec.to_builtins(loaded.plan)
+    plan = msgspec.to_builtins(loaded.plan, order="deterministic")
     if as_json:
         proof = msgspec.to_builtins(loaded.proof)
         typer.echo(json.dumps({"plan": plan, "proof": proof, "origin": loaded.origin}, indent=1, ensure_ascii=False))
         return
-    console = Console(soft_wrap=True)
-    console.print(f"{plan['chair']} ({plan['kind']}), driven by {plan['person']}: {loaded.proof}", highlight=False)
-    table = Table("what", "value", "from", box=None, pad_edge=False)
+    console = Console(width=None if sys.stdout.isatty() else WIDE, markup=False, highlight=False)
+    console.print(f"{plan['chair']} ({plan['kind']}), driven by {plan['person']}: {loaded.proof}")
+    table = Table(box=None, pad_edge=False)
+    for heading in ("what", "value", "from"):
+        table.add_column(heading, overflow="fold")
     for key, value, origin in _rows(plan, loaded.origin):
         table.add_row(key, value, origin)
     console.print(table)
@@ -125,7 +130,7 @@ def show(
 def _rows(plan: dict[str, Any], origin: dict[str, str]) -> Iterator[tuple[str, str, str]]:
     """Key, value and where it came from, of everything a reader may ask about."""
     for word, command in plan["words"].items():
-        yield f"words.{word}", str(command), Path(plan["person_file"]).name
+        yield f"words.{word}", str(command), "/".join(Path(plan["person_file"]).parts[-2:])
     for key, value in plan["limits"].items():
         where = origin.get(f"limits.{key}") or origin.get(f"limits.{key.removesuffix('_ns')}_ms", "")
         yield f"limits.{key}", _short(value), where

@@ -8,10 +8,15 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 LONGEST_SHOWN = 60
+LONGEST_SENTENCE = 1000
 
 
 class ProfileError(ValueError):
-    """A chair file, person file or `--set` that cannot be used; its text is one readable sentence."""
+    """A chair file, person file or `--set` that cannot be used; its text is one readable sentence on one line."""
+
+    def __init__(self, text: str) -> None:
+        line = " ".join(text.split())
+        super().__init__(line if len(line) <= LONGEST_SENTENCE else line[: LONGEST_SENTENCE - 3] + "...")
 
 
 def shown(value: object) -> str:

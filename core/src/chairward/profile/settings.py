@@ -22,7 +22,7 @@ from chairward.profile.errors import ProfileError, shown
 from chairward.profile.merge import WrongError, bound, looser, mark_of, parse, placed
 from chairward.profile.models import Choice, Interval
 
-_REFERENCE = re.compile(r"@([A-Za-z0-9_-]+)\.([A-Za-z0-9_]+)")
+REFERENCE = re.compile(r"^@([A-Za-z0-9_-]+)\.([A-Za-z0-9_]+)$")
 RUN = "{run}"
 
 
@@ -137,7 +137,7 @@ def _placed(model: type[BaseModel], key: str, value: Any, base: Path) -> Any:
     field = model.model_fields.get(key)
     if not isinstance(value, str) or field is None or not _holds_path(field.annotation):
         return value
-    if not value or RUN in value or _REFERENCE.fullmatch(value) or "\0" in value:
+    if not value or RUN in value or REFERENCE.fullmatch(value) or "\0" in value:
         return value
     return os.path.normpath(base / os.path.expanduser(value))
 
@@ -151,7 +151,7 @@ def _holds_path(annotation: Any) -> bool:
 
 def _filled(value: Any, slot: Slot, slots: Sequence[Slot], where: str, seen: tuple[str, ...]) -> Any:
     """The value, or what it refers to; None where the other setting has none (then the default stands)."""
-    found = _REFERENCE.fullmatch(value) if isinstance(value, str) else None
+    found = REFERENCE.fullmatch(value) if isinstance(value, str) else None
     if found is None:
         return value
     name, key = found.groups()

@@ -10,6 +10,7 @@ from chairward.messages import Command
 from chairward.plugins import Registry
 from chairward.profile.merge import Safer, mark_of
 from chairward.profile.models import Chair, LimitsTable, Person, StoppingTable
+from chairward.profile.settings import REFERENCE
 
 PERSON = """\
 # {name}: what this person decides, inside what the chair allows.
@@ -65,6 +66,9 @@ port = "/dev/ttyUSB0"
 # [settings.stereo_range]           # settings of plugins by name: see chairward profile schema chair
 # [choices.voice_dtw]               # settings that a person may choose: a list, {{ min = 1, max = 2 }} or "any"
 """
+
+
+REFERENCE_SCHEMA = {"type": "string", "pattern": REFERENCE.pattern, "description": "the value of another setting"}
 
 
 def _lines(model: type[LimitsTable | StoppingTable], values: LimitsTable | StoppingTable, *, marked: bool) -> str:
@@ -127,6 +131,7 @@ def _settings_schemas(schema: dict[str, Any], registry: Registry) -> dict[str, A
             for key, definition in own.pop("$defs", {}).items():
                 schema.setdefault("$defs", {})[f"{name}-{key}"] = definition
             own.pop("required", None)
+            own["properties"] = {k: {"anyOf": [v, REFERENCE_SCHEMA]} for k, v in own.get("properties", {}).items()}
             schema["$defs"][f"settings-{name}"] = own
             references[name] = {"$ref": f"#/$defs/settings-{name}"}
     return references
