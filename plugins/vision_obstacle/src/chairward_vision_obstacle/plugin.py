@@ -15,9 +15,9 @@ CHAIRWARD_API = 1
 
 def make(settings: VisionObstacleSettings, context: Context) -> Processor:
     """The stage for settings.method."""
-    from chairward_vision_obstacle.stage import ThesisVision
+    from chairward_vision_obstacle.stage import LearnedStage, ThesisVision
 
-    return ThesisVision(settings, context)
+    return LearnedStage(settings, context) if settings.method == "learned" else ThesisVision(settings, settings.method)
 
 
 @hookimpl

@@ -30,6 +30,8 @@ from chairward.stages import Image
 Bools = npt.NDArray[np.bool_]
 Ints = npt.NDArray[np.int32]
 
+ThesisMethod = Literal["thesis_text", "thesis_code"]
+
 WIDTH, HEIGHT = 320, 240
 BINS = 5
 RARE = 50
@@ -44,7 +46,7 @@ class Side(NamedTuple):
     side: Literal["left", "right"]
 
 
-def obstacle_mask(image: Image, method: Literal["thesis_text", "thesis_code"]) -> Bools:
+def obstacle_mask(image: Image, method: ThesisMethod) -> Bools:
     """True where a pixel looks unlike the reference area. image: h x w x 3 BGR; worked on at 320 x 240."""
     height, width = image.shape[:2]
     small = image
