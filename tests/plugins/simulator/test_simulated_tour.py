@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from random import Random
+
 import pytest
 
 
@@ -29,8 +32,6 @@ def test_tour_is_a_closed_loop_slow_answers_and_uneven_steps_only_cost_time(make
 
 @pytest.mark.parametrize("seed", range(6))
 def test_misheard_words_do_not_derail_the_tour(make_chair, seed) -> None:
-    from random import Random
-
     report = make_chair(misheard=0.15, rng=Random(seed)).run(300.0).report()
     assert report["tour_done"], report
     assert len(report["doorways_passed"]) >= 1
@@ -55,4 +56,4 @@ def test_words_are_never_said_into_each_other(make_chair) -> None:
             said.append((world.now_s, world.now_s + world.duration_s(word, world.rider.utterances)))
             chair.hear(word)
     assert len(said) > 15
-    assert all(end + 0.2 < begin for (_, end), (begin, _) in zip(said, said[1:], strict=False))
+    assert all(end + 0.2 < begin for (_, end), (begin, _) in pairwise(said))

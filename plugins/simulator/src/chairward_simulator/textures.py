@@ -82,7 +82,7 @@ def _panel() -> Floats:
 def _wallpaper() -> Floats:
     """Stripes, and leaves strewn without any repetition inside a texture."""
     _, c = _grid()
-    tone = 1.0 + 0.05 * np.sin(2 * np.pi * 8 * c / SIZE) + 0.05 * _noise(30, 1.0) + 0.06 * _noise(31, 2.5)
+    tone = 1.0 + 0.05 * np.sin(2 * np.pi * 8 * c / SIZE) + 0.10 * _noise(30, 0.8) + 0.06 * _noise(31, 2.5)
     rng = np.random.default_rng(32)
     reach = np.arange(-24, 25)
     for _ in range(260):
@@ -131,7 +131,7 @@ def _fabric() -> Floats:
 
 
 def _cardboard() -> Floats:
-    image = _paint(1.0 + 0.07 * _noise(70, 1.6, (1.0, 4.0)) + 0.05 * _noise(71, 0.5), (0.62, 0.48, 0.33))
+    image = _paint(1.0 + 0.07 * _noise(70, 1.6, (1.0, 4.0)) + 0.13 * _noise(71, 0.7), (0.62, 0.48, 0.33))
     rng = np.random.default_rng(72)
     for _ in range(150):
         y, x = int(rng.integers(0, SIZE - 40)), int(rng.integers(0, SIZE - 60))

@@ -16,6 +16,7 @@ MOVING_MM_S = 20.0
 STANDING_MM_S = 5.0
 CAUSE_WITHIN_MM = 900.0
 SIGHT_MM = 3500.0
+SAME_PLACE_MM = 60.0
 
 
 @dataclass(slots=True)
@@ -51,6 +52,7 @@ class Truth:
     ahead_mm: float = FAR_MM
     ahead_of: str = ""
     _touched: str = ""
+    _touched_at: tuple[float, float] = (0.0, 0.0)
     _was: Body | None = None
     _rolling: bool = False
     _last_word: str = ""
@@ -84,11 +86,13 @@ class Truth:
         self._stands(now_s, body)
         self._was = body
 
-    def bumped(self, name: str) -> None:
-        """The footprint has touched `name`; counted once a contact."""
+    def bumped(self, name: str, body: Body) -> None:
+        """The footprint has touched `name`; pressing on against the same thing at the same place counts once."""
+        if hypot(body.x_mm - self._touched_at[0], body.y_mm - self._touched_at[1]) > SAME_PLACE_MM:
+            self._touched = ""
         if name and name != self._touched:
             self.collisions.append(name)
-        self._touched = name
+            self._touched, self._touched_at = name, (body.x_mm, body.y_mm)
 
     def _stands(self, now_s: float, body: Body) -> None:
         if body.speed_mm_s > 50.0:

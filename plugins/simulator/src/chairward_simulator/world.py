@@ -31,7 +31,7 @@ WORLD_NAMES = (
 STEP_S = 0.005
 LOOK_EVERY = 8
 BUMP_EVERY = 4
-"""Steps between two looks of the truth (25 a second), and two tests for contact and ticks of the rider (50 a second)."""
+"""Steps between two looks of the truth (25 a second), and between two tests for contact and ticks of the rider (50)."""
 LOST_POWER_NS = 500_000_000
 """Pins older than this: their controller is gone, and with it the power that holds the spring-applied brake open."""
 
@@ -75,7 +75,7 @@ class World:
         moved = self.body.step(pins, dt_s, self.law)
         if self._count % BUMP_EVERY == 0:
             bump = self.truth.touches(moved, people)
-            self.truth.bumped(bump)
+            self.truth.bumped(bump, moved)
             if bump:
                 moved = self._free.halted()
             else:
