@@ -14,7 +14,7 @@ from chairward.testing import (
     RampContract,
     StopInputContract,
 )
-from chairward_drive_pic_serial.engine import Engine
+from chairward_drive_pic_serial.engine import Engine, ModelEngine
 from chairward_drive_pic_serial.rig import PicRig
 
 
@@ -23,6 +23,6 @@ class TestPicSerial(DriveContract, RampContract, StopInputContract, PowerContrac
 
     @pytest.fixture
     def rig(self, engine: Engine, tmp_path: Path) -> Iterator[PicRig]:
-        rig = PicRig(engine, tmp_path)
+        rig = PicRig(engine, tmp_path, step_us=1000 if isinstance(engine, ModelEngine) else 5000)
         yield rig
         rig.close()

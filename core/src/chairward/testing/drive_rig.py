@@ -181,8 +181,15 @@ class DriveRig(ABC):
             self.connect()
         self.arm()
         wanted = motion if motion is not None else self.half
-        self.ticks(self.stop_s if seconds is None else seconds, wanted)
-        return self.wheels()
+        if seconds is not None:
+            self.ticks(seconds, wanted)
+            return self.wheels()
+        end, before, same = self.now_ns() + int(self.stop_s * S), STILL, 0
+        while self.now_ns() < end and same < 5:
+            self.tick(wanted)
+            same = same + 1 if self.wheels() == before != STILL else 0
+            before = self.wheels()
+        return before
 
     @property
     def half(self) -> Motion:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+import select
 import shutil
 import subprocess
 import tempfile
@@ -22,6 +23,7 @@ from chairward_drive_pic_serial.model import CYCLES_PER_US, PWM_STEPS, Pins
 
 STATE, FAULT = 0x2A, 0x2B
 """Addresses of `state` and `fault` in drive.asm's RAM (a test reads them from the listing)."""
+HANG_S = 20.0
 _BYTE = re.compile(rb"<([0-9A-F]{2})>")
 _SCRIPT = """load s drive.cod
 frequency 20000000
@@ -73,7 +75,6 @@ class Gpsim:
             stderr=subprocess.STDOUT,
             bufsize=0,
             env={**os.environ, "HOME": str(folder)},  # keeps its readline history out of the person's home
-            start_new_session=True,
         )
         self._asked: list[str] = []
         self._out = bytearray()
@@ -95,7 +96,10 @@ class Gpsim:
 
     def advance(self, microseconds: float) -> None:
         """Run to an exact cycle."""
-        self.now += round(microseconds * CYCLES_PER_US)
+        cycles = round(microseconds * CYCLES_PER_US)
+        if cycles <= 0:
+            return  # a break at the present cycle would never come
+        self.now += cycles
         self._asked += [f"break c {self.now}", "run", "portd", "ccpr1l", "ccpr2l"]
         self._asked += [f"reg({STATE:#x})", f"reg({FAULT:#x})"]
         self._write("\n".join(self._asked) + "\n")
@@ -138,8 +142,8 @@ class Gpsim:
             self._asked.append(f"BATTERY.voltage = {min(5.0, (battery + 0.5) / 256 * 5.0):.5f}")
 
     def restart(self) -> None:
-        """Reset pin."""
-        self._asked.append("reset")
+        """As by the reset pin: from address 0. (gpsim's own `reset` leaves its UART stuck, its watchdog does not.)"""
+        self._asked.append("pc = 0")
 
     def close(self) -> None:
         """End the process; may be called twice."""
@@ -171,6 +175,10 @@ class Gpsim:
             if found:
                 text, self._unread = self._unread[: found.end()], self._unread[found.end() :]
                 return text
+            if not select.select([self._process.stdout], [], [], HANG_S)[0]:
+                raise FirmwareError(
+                    f"gpsim says nothing for {HANG_S:g} s: {self._unread[-300:].decode(errors='replace')}"
+                )
             more = self._process.stdout.read(65536)
             if not more:
                 raise FirmwareError(f"gpsim has ended: {self._unread[-300:].decode(errors='replace')}")

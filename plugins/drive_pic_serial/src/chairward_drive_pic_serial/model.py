@@ -18,7 +18,7 @@ from chairward_drive_pic_serial.wire import Ask, Fault, Input, Reason, Reply, St
 CYCLES_PER_US = 5
 TICK_CYCLES = 5_000
 BOOT_CYCLES = 50_500
-"""From reset to the first running tick: mostly one EEPROM write of 10 ms in gpsim, 4 to 8 ms in a real part."""
+"""From reset until the timer runs: mostly one EEPROM write, 4 to 8 ms in a real part, plus its oscillator's start."""
 RX_BYTE_CYCLES = 10 * 5_000_000 / wire.BAUD
 TX_BYTE_CYCLES = 880
 """The PIC's own clock divides to 56818 baud."""
@@ -98,16 +98,15 @@ class Motor:
 class FirmwareModel:
     """A PIC with the firmware in it. Inputs: `stop_input`, `charger` (pin high), `battery` (0..255)."""
 
-    def __init__(self, *, resets: int = 0, battery: int = 255, running: bool = False) -> None:
+    def __init__(self, *, resets: int = 0, battery: int = 255, boot_cycles: int = BOOT_CYCLES) -> None:
         self.nonce = resets
+        self._boot_cycles = boot_cycles
         self.stop_input = False
         self.charger = False
         self.battery_pin = battery
         self.now = 0
         self._out = bytearray()
         self.reset(Reason.POWER_ON)
-        if running:
-            self.advance_cycles(BOOT_CYCLES)
 
     def reset(self, reason: Reason = Reason.RESET_PIN) -> None:
         """Everything the RAM held is gone, the pins are safe at once, the nonce counts one up."""
@@ -128,7 +127,7 @@ class FirmwareModel:
         self._shift: int | None = None
         self._shift_end = 0
         self._booted = False
-        self._next_tick = self.now + BOOT_CYCLES
+        self._next_tick = self.now + self._boot_cycles
 
     # ---- the world's side
 

@@ -17,16 +17,17 @@ from chairward_drive_pic_serial.drive import PicSerialDrive
 from chairward_drive_pic_serial.engine import Engine
 from chairward_drive_pic_serial.settings import PicSerialSettings
 
-STEP_US = 1000
-
 
 class PicRig(DriveRig):
     """pty + engine + drive. The clock is virtual: it moves only in `run`."""
 
     stop_s = 1.2
 
-    def __init__(self, engine: Engine, folder: Path, *, tap: Callable[[bytes], bytes] | None = None) -> None:
+    def __init__(
+        self, engine: Engine, folder: Path, *, step_us: int = 1000, tap: Callable[[bytes], bytes] | None = None
+    ) -> None:
         super().__init__()
+        self._step_us = step_us
         self.engine = engine
         self.link = folder / "pic"
         self.port = str(self.link)
@@ -51,7 +52,7 @@ class PicRig(DriveRig):
         """Carry bytes both ways and let the engine run, 1 ms at a time."""
         left_us = round(seconds * 1e6)
         while left_us > 0:
-            step = min(left_us, STEP_US)
+            step = min(left_us, self._step_us)
             left_us -= step
             self.step(step)
 
