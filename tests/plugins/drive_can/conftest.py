@@ -97,6 +97,7 @@ class CanRig(DriveRig):
     """Common to all dialects: time in steps of a millisecond, the partner's end of the bus, what it heard."""
 
     full = Motion(500.0, 45.0)
+    step_ns = STEP_NS
 
     def __init__(self, settings: CanSettings) -> None:
         super().__init__()
@@ -141,7 +142,7 @@ class CanRig(DriveRig):
         if isinstance(port, CountingPort) and isinstance(self.end, CountingPty):
             settle(self.end.fileno(), min(port.written - self.end.taken, 2048))
         while left_ns > 0:
-            step = min(STEP_NS, left_ns)
+            step = min(self.step_ns, left_ns)
             left_ns -= step
             self.clock_ns += step
             if self.end is None or self.frozen:
@@ -262,13 +263,13 @@ class VirtualDbcRig(DbcRig):
     """Over python-can's virtual bus: a cable that can be pulled out of the drive's hands."""
 
     def open_end(self) -> Bus:
-        return LibraryBus(self.settings, listen_only=False)
+        return LibraryBus(self.settings)
 
     def new_drive(self) -> CanDrive:
         def opener(settings: CanSettings) -> Bus:
             if self.end is None:
                 raise DriveError(f"virtual {settings.channel} cannot be opened: unplugged")
-            self.held = LibraryBus(settings, listen_only=False)
+            self.held = LibraryBus(settings)
             return self.held
 
         return self._with_clock(opener)
@@ -316,6 +317,11 @@ def rnet_settings(tmp_path: Path) -> CanSettings:
             **PROVED,
         }
     )
+
+
+@pytest.fixture
+def rnet_rig_type() -> type[RnetRig]:
+    return RnetRig
 
 
 @pytest.fixture

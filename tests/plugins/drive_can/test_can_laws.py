@@ -6,6 +6,10 @@ import random
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from chairward.components import Motion
 from chairward_drive_can import rnet, slcan
 from chairward_drive_can.canopen_frames import Entry, sdo_answer, sdo_write
 from chairward_drive_can.checksum import crc8_autosar, crc8_j1850, sum8, xor8
@@ -16,10 +20,6 @@ from chairward_drive_can.frames import Frame
 from chairward_drive_can.make import make
 from chairward_drive_can.scale import deflection, ramp
 from chairward_drive_can.settings import CanSettings
-from hypothesis import given
-from hypothesis import strategies as st
-
-from chairward.components import Motion
 
 FUZZ = 20_000
 NOW = 1_000_000_000
@@ -120,7 +120,9 @@ def test_the_checksums_have_their_catalogued_check_values() -> None:
 
 
 @given(st.integers(0, 0xFFFF), st.integers(0, 255), st.sampled_from([1, 2, 4]), st.integers(0, 2**32 - 1))
-def test_an_sdo_write_is_eight_bytes_that_say_index_sub_size_and_value(index: int, sub: int, size: int, value: int) -> None:
+def test_an_sdo_write_is_eight_bytes_that_say_index_sub_size_and_value(
+    index: int, sub: int, size: int, value: int
+) -> None:
     data = sdo_write(5, Entry(index, sub, size, value, "x")).data
     assert len(data) == 8
     assert (data[0] & 0xE3, 4 - (data[0] >> 2 & 3)) == (0x23, size)

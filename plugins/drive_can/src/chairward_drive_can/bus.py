@@ -10,6 +10,7 @@ import errno
 import socket
 import termios
 import time
+from collections import deque
 from typing import Any, Protocol
 
 from chairward.components import DriveError
@@ -26,8 +27,9 @@ SLOW_SEND_NS, SLOW_SENDS = 5 * MS, 5
 class Bus(Protocol):
     """What the drive needs of an interface. No method waits. All but close raise OSError or can.CanError."""
 
-    unanswered: int
-    """Frames sent that nobody has answered yet; 0 where the interface does not tell."""
+    @property
+    def unanswered(self) -> int:
+        """Frames sent that nobody has answered yet; 0 where the interface does not tell."""
 
     def fileno(self) -> int:
         """Descriptor for select, -1 when there is none."""
@@ -51,9 +53,12 @@ def frame_of(message: Any) -> Frame | None:
 
 
 class LibraryBus:
-    """Any interface python-can offers. On socketcan our own frames come back once they are on the wire: the answer."""
+    """Any interface python-can offers. On socketcan our own frames come back once they are on the wire: the answer.
 
-    def __init__(self, settings: CanSettings, *, listen_only: bool) -> None:
+    The kernel marks every frame of this machine the same, so ours are told from another program's by what is in them.
+    """
+
+    def __init__(self, settings: CanSettings, *, listen_only: bool = False) -> None:
         import can  # late: python-can loads many backends
 
         options: dict[str, Any] = dict(settings.options)
@@ -67,7 +72,7 @@ class LibraryBus:
         self._echoes = settings.interface == "socketcan"
         self._bus = can.Bus(interface=settings.interface, channel=settings.channel, **options)
         self._closed = False
-        self.unanswered = 0
+        self._pending: deque[Frame] = deque()
         self._slow_in_a_row = 0
 
     def fileno(self) -> int:
@@ -75,6 +80,10 @@ class LibraryBus:
             return int(self._bus.fileno())
         except NotImplementedError:
             return -1
+
+    @property
+    def unanswered(self) -> int:
+        return len(self._pending)
 
     def send(self, frame: Frame) -> None:
         message = self._message(
@@ -88,7 +97,8 @@ class LibraryBus:
             raise OSError(
                 f"sending took {took_ns // MS} ms, {SLOW_SENDS} times in a row: it blocks, so it cannot drive"
             )
-        self.unanswered += 1 if self._echoes else 0
+        if self._echoes:
+            self._pending.append(frame)
 
     def receive(self) -> list[Frame]:
         frames: list[Frame] = []
@@ -96,9 +106,10 @@ class LibraryBus:
             message = self._bus.recv(timeout=0)
             if message is None:
                 break
-            if self._echoes and not message.is_rx:
-                self.unanswered = max(0, self.unanswered - 1)
-            elif (frame := frame_of(message)) is not None:
+            frame = frame_of(message)
+            if self._pending and not message.is_rx and frame == self._pending[0]:
+                self._pending.popleft()
+            elif frame is not None:
                 frames.append(frame)
         return frames
 
