@@ -16,16 +16,20 @@ from pathlib import Path
 
 import numpy as np
 
+from chairward.components import Pose
 from chairward.messages import NOTHING_NEAR_MM
 from chairward.stages import Floats, Image, StereoGeometry
 from chairward_stereo_range import manifest
 from chairward_stereo_range.finder import Bools, Measurement, Options, RangeFinder
 from chairward_stereo_range.geometry import make_view, scaled
 from chairward_stereo_range.manifest import Entry
+from chairward_stereo_range.matching import whole_frame_disparity
+from chairward_stereo_range.mount import estimate_mount
 from chairward_stereo_range.statistics import Figure, as_dict, mean, quantile, rate_pct
 
 STOP_MM, STOP_DUE_MM, CLEAR_MM, NEAR_MM = 600.0, 590.0, 1200.0, 1100.0
 WINDOW = 3
+MOUNT_FRAMES = 100
 Gate = Callable[[Image, Image, StereoGeometry], Bools | None]
 """Appearance's mask for the thesis methods."""
 
@@ -98,14 +102,14 @@ def run(
     return results
 
 
-def _finder(entry: Entry, was: tuple[int, int], left: Image, options: Options) -> RangeFinder:
+def _finder(entry: Entry, was: tuple[int, int], left: Image, options: Options, pose: Pose | None = None) -> RangeFinder:
     geometry = scaled(entry.geometry(*was), left.shape[1], left.shape[0])
     if not entry.metric:
         options = replace(options, farthest_mm=np.inf)
         # Not metric: the search is set in pixels, by a baseline that puts 64 px (at 240 rows) at nearest_mm.
         pixels = manifest.NOMINAL_SEARCH_PX * left.shape[0] / 240
         geometry = replace(geometry, baseline_mm=pixels * options.nearest_mm / geometry.focal_px)
-    return RangeFinder(make_view(geometry, entry.pose, manifest.FOOTPRINT), options)
+    return RangeFinder(make_view(geometry, pose or entry.pose, manifest.FOOTPRINT), options)
 
 
 def _timed(finder: RangeFinder, left: Image, right: Image, gate: Gate | None) -> tuple[Measurement, float]:
@@ -134,12 +138,29 @@ def _drive(entry: Entry, options: Options, height_px: int, gate: Gate | None) ->
     truth = manifest.sequence_truth(entry)
     finder: RangeFinder | None = None
     frames = []
+    pose = entry.pose if entry.pose.z_mm > 0 else _mount(entry, height_px)
     for index, left_path, right_path in manifest.numbered(entry):
         left, right, was = manifest.pair(left_path, right_path, height_px)
-        finder = finder or _finder(entry, was, left, options)
+        finder = finder or _finder(entry, was, left, options, pose)
         found, seconds = _timed(finder, left, right, gate)
         frames.append(Frame(index, truth.get(index), _read(found), found.can_see, found.reason, seconds))
     return SequenceResult(entry, frames)
+
+
+def _mount(entry: Entry, height_px: int) -> Pose:
+    """The mount of a sequence that does not tell it, from the floor of its own first frames."""
+    disparities: list[Floats] = []
+    geometry: StereoGeometry | None = None
+    for index, left_path, right_path in manifest.numbered(entry):
+        if index > MOUNT_FRAMES:
+            break
+        if index % 10:
+            continue
+        left, right, was = manifest.pair(left_path, right_path, height_px)
+        geometry = scaled(entry.geometry(*was), left.shape[1], left.shape[0])
+        disparities.append(whole_frame_disparity(left, right, geometry))
+    found = estimate_mount(disparities, geometry) if geometry is not None else None
+    return Pose() if found is None else found.pose(Pose())
 
 
 def stereo_gt(results: Sequence[PairResult]) -> dict[str, object]:

@@ -98,6 +98,7 @@ class RangeFinder:
         grid = (slice(self.top, self.bottom, 2), slice(0, g.width_px // 2 * 2, 2))
         self._grid = grid
         self._d_floor = np.ascontiguousarray(view.d_floor[grid])
+        self._forward = np.ascontiguousarray(view.forward[grid])
         self._left = np.ascontiguousarray(view.left[grid])
         self._up = np.ascontiguousarray(view.up[grid])
         self._region = np.ascontiguousarray(self.region[grid])
@@ -222,13 +223,12 @@ class RangeFinder:
 
     def _spot(self, full: Floats, candidates: Bools, sharp: Bools) -> Spot | None:
         v = self.view
-        found = nearest(full, candidates, sharp, v.geometry.baseline_mm, self.scale)
+        found = nearest(full, candidates, sharp, self._forward, v.geometry.baseline_mm, self.scale)
         if found is None:
             return None
-        depth = v.fb / found.disparity_px
         rows, cols = found.rows * 2 + self.top, found.cols * 2
-        ahead = float(np.median(v.forward[rows, cols])) * depth + v.ahead_offset_mm()
-        return Spot(depth, ahead, int(np.median(rows)), int(np.median(cols)), found.pixels)
+        ahead = v.fb * found.distance + v.ahead_offset_mm()
+        return Spot(v.fb * found.depth, ahead, int(np.median(rows)), int(np.median(cols)), found.pixels)
 
     def _thesis(self, grey_left: Image, grey_right: Image, mask: Bools | None) -> Measurement:
         """The thesis' way: NCC gated by appearance, whole pixels, no idea of blindness."""

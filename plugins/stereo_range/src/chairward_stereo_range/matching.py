@@ -13,7 +13,8 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from chairward.stages import Floats, Image
+from chairward.stages import Floats, Image, StereoGeometry
+from chairward_stereo_range.geometry import disparity_range
 from chairward_stereo_range.opencv import opencv
 
 Method = Literal[
@@ -35,6 +36,13 @@ def make_matcher(method: Method, first: int, count: int) -> Matcher:
     if method in ("sgbm", "sgbm_3way", "sgbm_hh"):
         return semi_global_matcher(first, count, method)
     raise ValueError(f"stereo_range.method = '{method}': use one of bm, sgbm, sgbm_3way, sgbm_hh, {BLOCK_METHODS}")
+
+
+def whole_frame_disparity(left: Image, right: Image, geometry: StereoGeometry, nearest_mm: float = 240.0) -> Floats:
+    """Block matching of two whole BGR pictures, for set-up work (mount, alignment)."""
+    cv2 = opencv()
+    grey = [np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8) for picture in (left, right)]
+    return block_matcher(*disparity_range(geometry, nearest_mm))(grey[0], grey[1])
 
 
 def _padded(image: Image, left_px: int, right_px: int) -> Image:

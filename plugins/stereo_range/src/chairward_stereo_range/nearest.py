@@ -17,18 +17,24 @@ MIN_AREA_MM2 = 1200.0
 """A thing counts from about 35 x 35 mm on, whatever its distance ..."""
 MIN_PIXELS = 30
 """... and from this many pixels on (full-size pixels at 240 rows)."""
-QUANTILE = 0.95
-"""Of the smoothed disparities of the chosen thing: its near side, not its middle."""
+QUANTILE = 0.67
+"""Of the smoothed inverse distances of the chosen thing: a little to its near side."""
+NEAR_RAY = 0.97
+"""Quantile of `forward` over the thing: where its least depth along the optical axis lies, if it stands upright."""
 SMOOTH = 5
-RELIEF = 1.15
+RELIEF = 1.08
 """A thing's near side is at most this much nearer than its peak: what is nearer still, yet too small, is an error."""
 
 
 @dataclass(frozen=True, slots=True)
 class Nearest:
-    """The nearest thing: its disparity (px, doffs included), size in full-size pixels, and its grid pixels."""
+    """The nearest thing. distance: forward from the lens, depth: least along the optical axis, both in units of f B.
 
-    disparity_px: float
+    pixels: its size in full-size pixels; rows, cols: its near pixels on the grid.
+    """
+
+    distance: float
+    depth: float
     pixels: int
     rows: npt.NDArray[np.intp]
     cols: npt.NDArray[np.intp]
@@ -38,13 +44,15 @@ def nearest(
     disparity: Floats,
     candidates: npt.NDArray[np.bool_],
     sharp: npt.NDArray[np.bool_],
+    forward: Floats,
     baseline_mm: float,
     scale: float,
 ) -> Nearest | None:
     """The nearest group of candidates that is large enough to be a thing; None when there is none.
 
     disparity: half-size grid, full-size px with doffs added (Z = f B / d). sharp: pixels measured at full size, which
-    are preferred where there are enough. scale: rows / 240. From near to far, the
+    are preferred where there are enough. forward: rays (geometry.py), by which
+    an upright thing has one distance though a tilted camera sees it at many depths. scale: rows / 240. From near to far, the
     first window of 2.5 px that holds as many pixels as a 35 x 35 mm patch would; from its peak on, everything nearer
     belongs to it.
     """
@@ -75,10 +83,11 @@ def nearest(
     if rows.size < least / 2:
         rows, cols = np.nonzero(member)
         smooth = disparity
-    found = smooth[rows, cols]
-    disparity_px = float(np.quantile(found, QUANTILE))
-    at = np.nonzero(found >= disparity_px - 0.25 * scale)[0]
-    return Nearest(disparity_px, 4 * int(member.sum()), rows[at], cols[at])
+    inverse = smooth[rows, cols] / forward[rows, cols]
+    chosen = float(np.quantile(inverse, QUANTILE))
+    depth = 1.0 / (chosen * float(np.quantile(forward[rows, cols], NEAR_RAY)))
+    at = np.nonzero(inverse >= chosen)[0]
+    return Nearest(1.0 / chosen, depth, 4 * int(member.sum()), rows[at], cols[at])
 
 
 def _smoothed(disparity: Floats, member: npt.NDArray[np.bool_]) -> Floats:
