@@ -44,6 +44,8 @@ class EarsSettings(Settings):
 class WheelSettings(Settings):
     port: str
     rate: int = Field(default=57600, ge=1)
+    full_speed_mm_s: float = 500.0
+    decel_mm_s2: float = 1000.0
 
 
 class NestedSettings(Settings):

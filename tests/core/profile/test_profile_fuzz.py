@@ -15,7 +15,7 @@ from chairward import profile
 from chairward.plan import Plan
 from chairward.profile import ProfileError
 
-HARD = settings(deadline=None, max_examples=150)
+HARD = settings(deadline=None, max_examples=80)
 SCALARS = (
     st.booleans()
     | st.integers(-(2**63), 2**63 - 1)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
+import inspect
 import os
 from pathlib import Path
 
 import pytest
 
 from chairward import plan, profile
-from chairward.facts import MS
+from chairward.facts import MS, Limits
 from chairward.messages import Button, Command, Way
+from chairward.profile.limits import resolve
 
 
 def test_the_plan_names_every_required_vote_by_lane_and_stage(house) -> None:
@@ -35,7 +38,8 @@ def test_the_plan_carries_lanes_words_and_drive(house) -> None:
     assert (loaded.lanes[0].pose.z_mm, loaded.lanes[0].pose.pitch_deg) == (400, 10.5)
     assert loaded.lanes[2].may == {Button.STOP, Button.ARM}
     assert loaded.words == {"go": "front", "stop": "stop"}
-    assert loaded.drive.settings == {"port": "/dev/ttyUSB0", "rate": 57600}
+    assert loaded.drive.component == "wheels"
+    assert (loaded.drive.settings["port"], loaded.drive.settings["rate"]) == ("/dev/ttyUSB0", 57600)
     assert loaded.person_dir.endswith("asha")
 
 
@@ -59,6 +63,17 @@ def test_profiles_are_found_by_path_by_environment_and_upward(house, monkeypatch
     (tmp_path / "deep" / "down").mkdir(parents=True)
     monkeypatch.chdir(tmp_path / "deep" / "down")
     assert profile.load("test", "asha", [], house.registry) == by_path
+
+
+def test_where_nothing_is_set_up_the_users_own_folder_counts_and_before_that_the_checkouts(
+    monkeypatch, tmp_path
+) -> None:
+    monkeypatch.delenv("CHAIRWARD_PROFILES", raising=False)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    monkeypatch.chdir(tmp_path)
+    assert (profile.files.directory() / "chairs" / "sim.toml").is_file()
+    (tmp_path / "config" / "chairward" / "chairs").mkdir(parents=True)
+    assert profile.files.directory() == tmp_path / "config" / "chairward"
 
 
 def test_recordings_of_a_person_stand_in_the_users_own_data_and_not_in_the_project(
@@ -171,4 +186,10 @@ def test_the_reaction_is_the_sum_of_all_delays_of_the_chair_file(house) -> None:
 
 def test_deceleration_is_what_the_slope_leaves_of_it(house) -> None:
     house.chair["stopping"] |= {"decel_mm_s2": 1500, "slope_percent": 9}
+    house.chair["drive"]["wheels"]["decel_mm_s2"] = 1500
     assert house.load().limits.decel_mm_s2 == pytest.approx(1500 - 9806.65 * 0.09)
+
+
+def test_no_limit_of_the_rules_is_left_to_its_default() -> None:
+    source = inspect.getsource(resolve)
+    assert [field.name for field in dataclasses.fields(Limits) if f" {field.name}=" not in source] == []

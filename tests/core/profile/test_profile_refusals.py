@@ -144,6 +144,29 @@ def test_voice_alone_without_a_stop_device_is_refused(house) -> None:
     assert house.refused().startswith("chairs/test.toml: no lane has stop_device = true")
 
 
+def test_a_held_stick_needs_no_stop_device_for_it_stops_when_let_go(house) -> None:
+    del house.chair["lane"]["panel"]
+    house.chair["lane"]["voice"] = {"source": "stick"}
+    assert set(house.load().limits.recognizers) == {"voice/stick"}
+
+
+def test_a_drive_that_cannot_do_what_the_limits_ask_is_refused(house) -> None:
+    house.chair["drive"]["wheels"] |= {"full_speed_mm_s": 400}
+    assert house.refused() == (
+        "chairs/test.toml: drive.wheels.full_speed_mm_s = 400: less than limits.forward_mm_s = 500: "
+        "lower limits.forward_mm_s or correct the drive"
+    )
+    house.person["limits"] = {"forward_mm_s": 400}
+    house.load()
+
+
+def test_a_drive_that_brakes_less_than_the_proof_assumes_is_refused(house) -> None:
+    house.chair["drive"]["wheels"] |= {"decel_mm_s2": 550}
+    assert "drive.wheels.decel_mm_s2 = 550: less than stopping.decel_mm_s2 = 600" in house.refused()
+    house.chair["drive"]["wheels"]["decel_mm_s2"] = 0
+    house.load()
+
+
 def test_a_stop_device_must_have_a_button_and_be_entitled_to_stop(house) -> None:
     house.chair["lane"]["panel"]["may"] = ["arm"]
     assert house.refused() == "chairs/test.toml: lane.panel.may must name 'stop': the lane is a stop device"

@@ -3,7 +3,8 @@
     plan = load("sim", "demo", ["limits.stop_mm=700"], plugins.discover())
 
 `errors` one sentence each; `merge` the safer-direction law; `models` what may stand in the files; `files` finding and
-reading; `settings` of components; `lanes` order and votes; `proof` of distances; `refusals`; `load` puts it together.
+reading; `settings` of components; `lanes` order and votes; `proof` of distances; `refusals`; `limits` for the rules;
+`load` puts it together; `write` new files and schemas.
 """
 
 from __future__ import annotations

@@ -54,7 +54,10 @@ class Override:
 
 
 def directory(given: Path | None = None) -> Path:
-    """The folder with chairs/ and people/: given, $CHAIRWARD_PROFILES, found upward from here, or the user's own."""
+    """The folder with chairs/ and people/: given, $CHAIRWARD_PROFILES, found upward from here, or the user's own.
+
+    Where the user has none yet, and this program runs from a checkout, the checkout's.
+    """
     if given is not None:
         return given
     if named := os.environ.get("CHAIRWARD_PROFILES"):
@@ -63,7 +66,9 @@ def directory(given: Path | None = None) -> Path:
     for folder in (here, *here.parents):
         if (folder / "profiles" / "chairs").is_dir():
             return folder / "profiles"
-    return Path(platformdirs.user_config_path("chairward"))
+    own = Path(platformdirs.user_config_path("chairward"))
+    checkout = Path(__file__).resolve().parents[4] / "profiles"
+    return checkout if not (own / "chairs").is_dir() and (checkout / "chairs").is_dir() else own
 
 
 def names(kind: Kind, folder: Path) -> list[str]:

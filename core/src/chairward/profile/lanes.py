@@ -23,6 +23,11 @@ class Lane:
     stages: tuple[tuple[str, Component], ...]
     """("sensor" or "recognizer", component) in order."""
 
+    @property
+    def components(self) -> tuple[tuple[str, Component], ...]:
+        """Source and stages with their kinds."""
+        return (("source", self.source), *self.stages)
+
 
 @dataclass(slots=True)
 class Votes:
@@ -83,7 +88,7 @@ def _who_gives(need: type[object], registry: Registry) -> str:
 def _check_claims(lane: Lane, label: str) -> None:
     """What the lane claims (covers, buttons, stop device) must be something it can do."""
     start = f"{label}: lane.{lane.name}"
-    senses = any(RangeReading in c.gives for c in (lane.source, *(c for _, c in lane.stages)))
+    senses = any(RangeReading in component.gives for _, component in lane.components)
     if lane.table.covers and not senses:
         raise ProfileError(f"{start}.covers: nothing in this lane gives distances: add a sensor or remove covers")
     if senses and not lane.table.covers:
@@ -104,7 +109,7 @@ def votes(lanes: Sequence[Lane]) -> Votes:
     for lane in lanes:
         limits = SourceLimits(freshness_ns=lane.table.freshness_ms * MS, covers=lane.table.covers)
         plain = SourceLimits(freshness_ns=limits.freshness_ns)
-        for kind, component in (("source", lane.source), *lane.stages):
+        for kind, component in lane.components:
             name = f"{lane.name}/{component.name}"
             if RangeReading in component.gives:
                 found.sensors[name] = limits

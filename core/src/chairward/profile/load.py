@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil, degrees, hypot
 from pathlib import Path
 from typing import Any
 
 import platformdirs
 
 from chairward.components import Component, Footprint, Pose
-from chairward.envelope import Caps
 from chairward.facts import MS, Limits
 from chairward.messages import Command, Way
 from chairward.plan import ChairKind, LanePlan, Part, Plan
@@ -19,7 +17,8 @@ from chairward.plugins import PluginError, Registry
 from chairward.profile import files, lanes, refusals
 from chairward.profile.errors import ProfileError
 from chairward.profile.files import Override, ProfileFile
-from chairward.profile.lanes import Lane, Votes
+from chairward.profile.lanes import Lane
+from chairward.profile.limits import resolve
 from chairward.profile.merge import merge, validated
 from chairward.profile.models import Chair, LimitsTable, Person
 from chairward.profile.proof import Proof, prove
@@ -126,14 +125,16 @@ class _Loading:
         votes = lanes.votes(found)
         listens = any(kind == "recognizer" for lane in found for kind, _ in lane.stages)
         refusals.words(self.person, self.person_file.label, self.chair, limits, listens=listens)
-        refusals.stop_device(self.label, votes)
+        refusals.stop_device(self.label, found)
         refusals.covers_ahead(self.label, found)
         refusals.ridden(self.chair, self.label, found, slots, made)
         freshness = max(limit.freshness_ns for limit in votes.sensors.values()) // MS
         behind = any(Way.BEHIND in limit.covers for limit in votes.sensors.values())
         proof = prove(limits, self.chair.stopping, freshness, self._limit_place, sees_behind=behind)
         by_place = {slot.where: part for slot, part in zip(slots, made, strict=True)}
-        plan = self._plan(found, drive, by_place, _limits(limits, self.chair, votes, proof))
+        driven = next(slot for slot in slots if slot.where == f"drive.{drive}")
+        refusals.drive(driven, by_place[driven.where], limits, self.chair.stopping)
+        plan = self._plan(found, drive, by_place, resolve(limits, self.chair, votes, proof))
         return Loaded(plan, proof, self._origins(slots))
 
     @staticmethod
@@ -191,7 +192,7 @@ class _Loading:
                         f"{self.label}: lane.{lane.name}.settings.{name}: this lane has no '{name}' "
                         f"(it has: {', '.join(names)})"
                     )
-            for component in (lane.source, *(c for _, c in lane.stages)):
+            for _, component in lane.components:
                 own = lane.table.settings.get(component.name, {})
                 place = f"lane.{lane.name}.settings.{component.name}."
                 slots.append(self._slot(component, place, own, lane.name, f"lane.{lane.name}.{component.name}"))
@@ -294,46 +295,3 @@ class _Loading:
                 for key in layer.values:
                     origin[f"{slot.where}.{key}"] = layer.where.partition(": ")[0] if ": " in layer.where else "--set"
         return origin
-
-
-def _limits(limits: LimitsTable, chair: Chair, votes: Votes, proof: Proof) -> Limits:
-    """What the rules work with."""
-    toes_mm = hypot(max(chair.footprint.front_mm, chair.footprint.rear_mm), chair.footprint.half_width_mm)
-    turn = float(limits.turn_deg_s)
-    unseen_turn = min(turn, degrees(limits.unseen_toe_mm_s / toes_mm))
-    forward, backward = float(limits.forward_mm_s), float(limits.backward_mm_s)
-    return Limits(
-        sensors=votes.sensors,
-        recognizers=votes.recognizers,
-        stop_devices=votes.stop_devices,
-        vetoers=votes.vetoers,
-        commands=limits.commands,
-        caps=Caps(forward, backward, turn, turn),
-        unseen=Caps(0.0, min(backward, float(limits.unseen_backward_mm_s)), unseen_turn, unseen_turn),
-        forward_mm_s=forward,
-        backward_mm_s=backward,
-        turn_deg_s=turn,
-        arc_mm_s=min(float(limits.arc_mm_s), forward),
-        stop_mm=limits.stop_mm,
-        turn_clear_mm=max(limits.turn_clear_mm, ceil(toes_mm - chair.footprint.half_width_mm)),
-        avoid_mm=limits.avoid_mm,
-        avoid_mm_s=min(float(limits.avoid_mm_s), forward),
-        steer_deg_s=min(limits.steer_deg_s, turn),
-        near_loss_mm=limits.near_loss_mm,
-        crawl_mm_s=min(float(limits.crawl_mm_s), forward),
-        reaction_s=proof.reaction_s,
-        decel_mm_s2=proof.decel_mm_s2,
-        accel_mm_s2=float(limits.accel_mm_s2),
-        turn_accel_deg_s2=float(limits.turn_accel_deg_s2),
-        lease_s=limits.lease_s,
-        lease_warn_s=min(limits.lease_warn_s, limits.lease_s),
-        turn_step_deg=limits.turn_step_deg,
-        arc_step_deg=limits.arc_step_deg,
-        back_step_mm=limits.back_step_mm,
-        reverse_step_mm=limits.reverse_step_mm,
-        held_ns=limits.held_ms * MS,
-        drive_freshness_ns=limits.drive_freshness_ms * MS,
-        supervisor_freshness_ns=limits.supervisor_freshness_ms * MS,
-        latch_after_ns=limits.latch_after_ms * MS,
-        gap_limit_ns=limits.gap_limit_ms * MS,
-    )

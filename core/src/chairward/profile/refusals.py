@@ -7,11 +7,11 @@ import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from chairward.messages import Command, Way
+from chairward.messages import Command, Intent, Way
 from chairward.plan import ChairKind, Part
 from chairward.profile.errors import ProfileError, shown
-from chairward.profile.lanes import Lane, Votes
-from chairward.profile.models import Chair, LimitsTable, Person
+from chairward.profile.lanes import Lane
+from chairward.profile.models import Chair, LimitsTable, Person, StoppingTable
 from chairward.profile.settings import RUN, Slot
 
 FILE_KINDS = frozenset({"manifest", "folder", "file", "files", "wav", "images"})
@@ -52,13 +52,36 @@ def leaves(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]
                 yield f"{path}{key}", item
 
 
-def stop_device(chair_label: str, votes: Votes) -> None:
-    """Refuse words without a second, live means of stopping."""
-    if votes.recognizers and not votes.stop_devices:
+def stop_device(chair_label: str, lanes: Sequence[Lane]) -> None:
+    """Refuse words (which stay in force when nobody says anything) without a second, live means of stopping."""
+    gives_words = any(
+        kind == "recognizer" or Intent in component.gives for lane in lanes for kind, component in lane.components
+    )
+    if gives_words and not any(lane.table.stop_device for lane in lanes):
         raise ProfileError(
             f"{chair_label}: no lane has stop_device = true, and a chair is not driven by voice alone: "
             "add a lane with a key, switch or panel as its stop device"
         )
+
+
+def drive(slot: Slot, part: Part, limits: LimitsTable, stopping: StoppingTable) -> None:
+    """Refuse a drive that cannot do what the chair's limits ask of it, or brakes less than the proof assumes.
+
+    Read from settings by these names, where a drive has them; 0 says that the controller decides by itself.
+    """
+    least = {
+        "full_speed_mm_s": ("limits.forward_mm_s", limits.forward_mm_s),
+        "full_forward_mm_s": ("limits.forward_mm_s", limits.forward_mm_s),
+        "full_backward_mm_s": ("limits.backward_mm_s", limits.backward_mm_s),
+        "full_turn_deg_s": ("limits.turn_deg_s", limits.turn_deg_s),
+        "decel_mm_s2": ("stopping.decel_mm_s2", stopping.decel_mm_s2),
+    }
+    for key, (name, bound) in least.items():
+        value = part.settings.get(key)
+        if isinstance(value, int | float) and 0 < value < bound:
+            raise ProfileError(
+                f"{slot.origin(key)}{key} = {value:g}: less than {name} = {bound}: lower {name} or correct the drive"
+            )
 
 
 def covers_ahead(chair_label: str, lanes: Sequence[Lane]) -> None:
@@ -82,7 +105,8 @@ def ridden(chair: Chair, label: str, lanes: Sequence[Lane], slots: Sequence[Slot
             f"{label}: companion.{name}.component = '{companion.component}': a companion stands in for the real world "
             f"and is refused on {on}: remove it"
         )
-    for name, lane in ((lane.name, lane) for lane in lanes):
+    for lane in lanes:
+        name = lane.name
         if lane.source.name.startswith("sim_"):
             raise ProfileError(f"{label}: lane.{name}.source = '{lane.source.name}': is simulated, refused on {on}")
         if lane.table.ends_run:
