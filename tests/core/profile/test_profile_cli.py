@@ -30,7 +30,7 @@ def test_check_all_prints_one_line_for_each_file_and_ends_well() -> None:
 
 def test_check_names_what_is_wrong_and_ends_badly(tmp_path: Path) -> None:
     (tmp_path / "chairs").mkdir()
-    good = (PROFILES / "chairs" / "sim.toml").read_text(encoding="utf-8")
+    good = (PROFILES / "chairs" / "sim.toml").read_text(encoding="utf-8").replace('person = "demo"', "")
     good = good.replace("../../plugins", str(PROFILES.parent / "plugins"))
     (tmp_path / "chairs" / "sim.toml").write_text(good, encoding="utf-8")
     (tmp_path / "chairs" / "bad.toml").write_text(
@@ -43,6 +43,13 @@ def test_check_names_what_is_wrong_and_ends_badly(tmp_path: Path) -> None:
     assert "at most" in lines[0]
     assert run("check", "sim", folder=tmp_path).startswith("ok     chairs/sim.toml")
     assert "there is no profile 'smi'" in run("check", "smi", folder=tmp_path, code=1)
+
+
+def test_check_of_a_chair_looks_at_the_person_it_names(tmp_path: Path) -> None:
+    (tmp_path / "chairs").mkdir()
+    text = (PROFILES / "chairs" / "prototype.toml").read_text(encoding="utf-8")
+    (tmp_path / "chairs" / "prototype.toml").write_text(text, encoding="utf-8")
+    assert "there is no profile 'demo'" in run("check", "prototype", folder=tmp_path, code=1)
 
 
 def test_check_takes_paths_and_names_of_people() -> None:
@@ -82,7 +89,7 @@ def test_show_of_a_wrong_profile_is_one_sentence() -> None:
 
 def test_a_new_person_is_right_as_written_and_never_overwrites(tmp_path: Path) -> None:
     (tmp_path / "chairs").mkdir()
-    chair = (PROFILES / "chairs" / "prototype.toml").read_text(encoding="utf-8")
+    chair = (PROFILES / "chairs" / "prototype.toml").read_text(encoding="utf-8").replace('person = "demo"', "")
     (tmp_path / "chairs" / "prototype.toml").write_text(chair, encoding="utf-8")
     run("new", "person", "maria", "--chair", "prototype", folder=tmp_path)
     assert run("check", "maria", folder=tmp_path).startswith("ok     people/maria.toml: prototype: ")
@@ -94,7 +101,7 @@ def test_a_new_person_is_right_as_written_and_never_overwrites(tmp_path: Path) -
 
 def test_every_limit_in_a_new_person_file_may_be_uncommented(tmp_path: Path) -> None:
     (tmp_path / "chairs").mkdir()
-    chair = (PROFILES / "chairs" / "prototype.toml").read_text(encoding="utf-8")
+    chair = (PROFILES / "chairs" / "prototype.toml").read_text(encoding="utf-8").replace('person = "demo"', "")
     (tmp_path / "chairs" / "prototype.toml").write_text(chair, encoding="utf-8")
     run("new", "person", "maria", "--chair", "prototype", folder=tmp_path)
     path = tmp_path / "people" / "maria.toml"

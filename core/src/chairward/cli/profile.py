@@ -67,7 +67,10 @@ def _checked(name: str, folder: Path, registry: Registry) -> Iterator[str]:
     """A line for each file of that name that is right. Raises ProfileError for the first that is wrong."""
     for file in _files(name, folder):
         if _is_chair(file):
-            yield f"ok     {file.label}: {check_chair(file, registry)}"
+            proof = check_chair(file, registry)
+            if file.values.get("person") is not None:
+                profile.load(file.path, None, [], registry, folder)
+            yield f"ok     {file.label}: {proof}"
             continue
         proofs = [
             f"{chair}: {profile.load_traced(chair, file.path, [], registry, folder).proof}"
