@@ -54,6 +54,9 @@ def fuzzed(house_of_module):
     house.chair["settings"] = {"ranger": {"window": 5}, "eyes": {"manifest": "m.csv"}}
     house.chair["choices"] = {"ranger": {"window": [3, 5]}}
     house.chair["companion"] = {"pic": {"component": "puppet", "with_drive": "wheels", "settings": {}}}
+    house.chair["observer"] = {"log": {"component": "diary", "with_drive": "wheels", "settings": {"kind": "live"}}}
+    house.chair["lane"]["front"]["settings"] = {"ranger": {"minimum": 20}}
+    house.chair["stop_words"] = ["stop"]
     house.chair["limits"] |= {"stop_mm": 650, "commands": ["front", "stop", "help"]}
     house.chair["lane"]["front"]["pose"] = {"x_mm": 1}
     house.person |= {"limits": {"stop_mm": 700}, "settings": {"ranger": {"window": 3}}, "language": "en"}

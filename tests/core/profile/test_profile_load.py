@@ -142,13 +142,15 @@ def test_set_limits_is_a_persons_change(house) -> None:
     assert loaded.origin["limits.stop_mm"] == "--set"
 
 
-def test_a_companion_runs_only_with_its_drive(house) -> None:
+def test_a_companion_or_observer_runs_only_with_its_drive(house) -> None:
     house.chair["companion"] = {"pic": {"component": "puppet", "with_drive": "wheels", "settings": {"speaker": "x"}}}
-    house.chair["observer"] = {"log": {"component": "diary"}}
+    house.chair["observer"] = {"log": {"component": "diary"}, "bus": {"component": "diary", "with_drive": "bus"}}
     loaded = house.load()
+    assert set(loaded.observers) == {"log"}
     assert loaded.companions["pic"].settings["speaker"] == "x"
     assert loaded.observers["log"].component == "diary"
     assert house.load("drive=bus").companions == {}
+    assert set(house.load("drive=bus").observers) == {"log", "bus"}
 
 
 # limits -------------------------------------------------------------------------------------------------------------

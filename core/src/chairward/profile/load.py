@@ -279,7 +279,7 @@ class _Loading:
                 for lane in found
             ),
             companions={n: by_place[f"companion.{n}"] for n in chair.companion if f"companion.{n}" in by_place},
-            observers={n: by_place[f"observer.{n}"] for n in chair.observer},
+            observers={n: by_place[f"observer.{n}"] for n in chair.observer if f"observer.{n}" in by_place},
         )
 
     def _origins(self, slots: Sequence[Slot]) -> dict[str, str]:
