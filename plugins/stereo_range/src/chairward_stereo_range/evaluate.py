@@ -26,6 +26,7 @@ from chairward_stereo_range.manifest import Entry
 from chairward_stereo_range.matching import whole_frame_disparity
 from chairward_stereo_range.mount import estimate_mount
 from chairward_stereo_range.statistics import Figure, as_dict, mean, quantile, rate_pct
+from chairward_stereo_range.tracker import Tracker
 
 STOP_MM, STOP_DUE_MM, CLEAR_MM, NEAR_MM = 600.0, 590.0, 1200.0, 1100.0
 WINDOW = 3
@@ -136,14 +137,19 @@ def _pair_result(entry: Entry, finder: RangeFinder, found: Measurement, seconds:
 
 def _drive(entry: Entry, options: Options, height_px: int, gate: Gate | None) -> SequenceResult:
     truth = manifest.sequence_truth(entry)
-    finder: RangeFinder | None = None
+    tracker: Tracker | None = None
+    fps = float(entry.note.get("fps", "15") or 15)
     frames = []
     pose = entry.pose if entry.pose.z_mm > 0 else _mount(entry, height_px)
     for index, left_path, right_path in manifest.numbered(entry):
         left, right, was = manifest.pair(left_path, right_path, height_px)
-        finder = finder or _finder(entry, was, left, options, pose)
-        found, seconds = _timed(finder, left, right, gate)
-        frames.append(Frame(index, truth.get(index), _read(found), found.can_see, found.reason, seconds))
+        tracker = tracker or Tracker(_finder(entry, was, left, options, pose))
+        start = time.perf_counter()
+        mask = None if gate is None else gate(left, right, tracker.finder.view.geometry)
+        step = tracker.step(left, right, int(index * 1e9 / fps), mask=mask)
+        seconds = time.perf_counter() - start
+        read = min(step.depth_mm, float(NOTHING_NEAR_MM))
+        frames.append(Frame(index, truth.get(index), read, step.can_see, step.reason, seconds))
     return SequenceResult(entry, frames)
 
 

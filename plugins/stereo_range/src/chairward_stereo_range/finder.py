@@ -14,6 +14,7 @@ import numpy.typing as npt
 from chairward.messages import NOTHING_NEAR_MM
 from chairward.stages import Floats, Image
 from chairward_stereo_range import thesis
+from chairward_stereo_range.drops import DropWatch
 from chairward_stereo_range.floor import FloorFit, fit_floor, split
 from chairward_stereo_range.geometry import THESIS_HEIGHT, View, disparity_range, thesis_trapezoid
 from chairward_stereo_range.honesty import hidden_distance_mm
@@ -23,6 +24,9 @@ from chairward_stereo_range.opencv import opencv
 from chairward_stereo_range.pyramid import Match, Pyramid, half_size, mean_of_four, without_specks
 from chairward_stereo_range.texture import noise_sigma, periodic, textured
 
+SIDE_COVERAGE = 0.15
+SPECKS = 12
+"""Smaller islands (grid pixels at 240 rows) above the floor are noise of the floor itself."""
 HIDDEN_MARGIN = 1.15
 REPEATING_SHARE = 0.1
 Bools = npt.NDArray[np.bool_]
@@ -49,20 +53,25 @@ class Options:
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """The nearest thing one way: depth_mm along the optical axis, ahead_mm from the footprint; its row and column."""
+    """The nearest thing one way: depth_mm along the optical axis, ahead_mm from the footprint; its row and column.
+
+    top_mm: the height of its near side's top above the floor (infinite when the mount is unknown).
+    """
 
     depth_mm: float
     ahead_mm: float
     row: int
     col: int
     pixels: int
+    top_mm: float = float("inf")
 
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
     """What one pair says. disparity: h x w px, NaN unknown; floor, obstacle, region: h x w bool.
 
-    ahead, left, right: None when nothing is near that way. coverage: part of the region that was matched, 0..1.
+    ahead, left, right: None when nothing is near that way; sides_seen: whether left and right were seen at all.
+    coverage: part of the region that was matched, 0..1. drop: the edge where the floor ends.
     hidden_mm: how near (depth) something could stand in what was not matched; infinite when nothing suggests it.
     """
 
@@ -75,7 +84,9 @@ class Measurement:
     right: Spot | None
     coverage: float
     can_see: bool
+    sides_seen: tuple[bool, bool] = (True, True)
     reason: str = ""
+    drop: Spot | None = None
     hidden_mm: float = float("inf")
     floor_fit: FloorFit = field(default_factory=FloorFit)
     sigma: float = 0.0
@@ -102,12 +113,19 @@ class RangeFinder:
         self._left = np.ascontiguousarray(view.left[grid])
         self._up = np.ascontiguousarray(view.up[grid])
         self._region = np.ascontiguousarray(self.region[grid])
+        half = view.footprint.half_width_mm + options.side_margin_mm
+        self._drops = DropWatch(view, grid, half, self.scale) if view.floor_known else None
         fine = [int(row * self.scale) for row in FINE_ROWS]
         self._fine = (max(self.top, fine[0]) - self.top, min(self.bottom, fine[1]) - self.top)
         if options.method == "pyramid":
             self._pyramid = Pyramid(self.first, self.count, self.scale, self._fine)
         elif options.method not in thesis.LIMITS:
             self._matcher = make_matcher(options.method, self.first, self.count)
+
+    @property
+    def is_thesis(self) -> bool:
+        """One of the baselines, which know neither blindness nor memory."""
+        return self.options.method in thesis.LIMITS
 
     @property
     def horizon_row(self) -> float:
@@ -137,7 +155,7 @@ class RangeFinder:
         rows, cols = slice(self.top, self.bottom), slice(0, left.shape[1] // 2 * 2)
         grey_left = cv2.cvtColor(np.ascontiguousarray(left[rows, cols]), cv2.COLOR_BGR2GRAY)
         grey_right = cv2.cvtColor(np.ascontiguousarray(right[rows, cols]), cv2.COLOR_BGR2GRAY)
-        if self.options.method in thesis.LIMITS:
+        if self.is_thesis:
             return self._thesis(grey_left, grey_right, mask)
         if self.options.method == "pyramid":
             match = self._pyramid(grey_left, grey_right)
@@ -162,22 +180,26 @@ class RangeFinder:
         if v.floor_known:
             fit = fit_floor(d, self._d_floor, self.scale)
             floor_line = fit.apply(self._d_floor)
-            floor, above, _below = split(d, floor_line, v.pose.z_mm, o.clearance_mm, o.margin_px * self.scale)
+            floor, above, below = split(d, floor_line, v.pose.z_mm, o.clearance_mm, o.margin_px * self.scale)
         else:
-            floor, above = np.zeros_like(known), known
+            floor, above, below = np.zeros_like(known), known, np.zeros_like(known)
         full = np.where(known, d + np.float32(v.geometry.doffs_px), np.float32(1e-3))
         depth = (v.fb / np.maximum(full, 1e-3)).astype(np.float32)
         above = above & (depth < o.farthest_mm)
+        whole = without_specks(np.where(above, d, np.nan).astype(np.float32), round(SPECKS * self.scale**2), 2.0)
+        above &= np.isfinite(whole)
         if o.region == "corridor":
             inside = np.abs(v.pose.y_mm + depth * self._left) <= v.footprint.half_width_mm + o.side_margin_mm
             inside &= self._passable_height(depth, self._up)
         else:
             inside = self._region
         ahead = self._spot(full, above & inside, match.sharp)
+        drop = self._drops.edge_mm(floor, below) if self._drops is not None else None
         third = d.shape[1] // 3
         low_enough = above & self._passable_height(depth, self._up)
         left = self._spot(full, low_enough & _columns(d.shape, 0, third), match.sharp)
         right = self._spot(full, low_enough & _columns(d.shape, d.shape[1] - third, d.shape[1]), match.sharp)
+        sides_seen = (_share_known(known[:, :third]), _share_known(known[:, d.shape[1] - third :]))
         coverage = float((known & self._region).sum()) / max(1, int(self._region.sum()))
         ceiling = np.inf if ahead is None else RELIEF * v.fb / ahead.depth_mm + 1.5 * self.scale
         hidden = hidden_distance_mm(match, full, above, self._region, v, self.scale, ceiling)
@@ -198,7 +220,9 @@ class RangeFinder:
             right=right,
             coverage=coverage,
             can_see=not reason,
+            sides_seen=sides_seen,
             reason=reason,
+            drop=None if drop is None else self._drop_spot(*drop),
             hidden_mm=hidden,
             floor_fit=fit,
             sigma=match.sigma,
@@ -228,7 +252,15 @@ class RangeFinder:
             return None
         rows, cols = found.rows * 2 + self.top, found.cols * 2
         ahead = v.fb * found.distance + v.ahead_offset_mm()
-        return Spot(v.fb * found.depth, ahead, int(np.median(rows)), int(np.median(cols)), found.pixels)
+        height = v.pose.z_mm + v.fb * found.depth * v.up[rows, cols]
+        top = float(height.max()) if v.floor_known else float("inf")
+        return Spot(v.fb * found.depth, ahead, int(np.median(rows)), int(np.median(cols)), found.pixels, top)
+
+    def _drop_spot(self, distance_mm: float, grid_row: int) -> Spot:
+        """The floor's end as a thing: its depth is that of the floor there."""
+        v = self.view
+        row, col = self.top + 2 * grid_row, v.geometry.width_px // 2
+        return Spot(distance_mm / float(v.forward[row, col]), distance_mm + v.ahead_offset_mm(), row, col, 0, 0.0)
 
     def _thesis(self, grey_left: Image, grey_right: Image, mask: Bools | None) -> Measurement:
         """The thesis' way: NCC gated by appearance, whole pixels, no idea of blindness."""
@@ -254,6 +286,10 @@ class RangeFinder:
             coverage=1.0,
             can_see=True,
         )
+
+
+def _share_known(known: Bools) -> bool:
+    return bool(known.mean() >= SIDE_COVERAGE)
 
 
 def _columns(shape: tuple[int, ...], start: int, end: int) -> Bools:

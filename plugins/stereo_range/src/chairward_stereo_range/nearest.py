@@ -51,10 +51,9 @@ def nearest(
     """The nearest group of candidates that is large enough to be a thing; None when there is none.
 
     disparity: half-size grid, full-size px with doffs added (Z = f B / d). sharp: pixels measured at full size, which
-    are preferred where there are enough. forward: rays (geometry.py), by which
-    an upright thing has one distance though a tilted camera sees it at many depths. scale: rows / 240. From near to far, the
-    first window of 2.5 px that holds as many pixels as a 35 x 35 mm patch would; from its peak on, everything nearer
-    belongs to it.
+    are preferred where there are enough. forward: rays (geometry.py), by which an upright thing has one distance
+    though a tilted camera sees it at many depths. scale: rows / 240. From near to far, the first window of 2.5 px that
+    holds as many pixels as a 35 x 35 mm patch would; from its peak on, what is little nearer belongs to it.
     """
     values = disparity[candidates]
     least = MIN_PIXELS * scale * scale / 4

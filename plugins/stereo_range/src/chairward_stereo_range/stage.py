@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
 
 from chairward.components import Bench, Context
-from chairward.messages import Message, RangeReading
+from chairward.messages import NOTHING_NEAR_MM, Message, RangeReading
 from chairward.stages import (
     DisparityMap,
     FloorMap,
@@ -20,10 +21,11 @@ from chairward.stages import (
     StereoGeometry,
 )
 from chairward_stereo_range import calibration_file, panes
-from chairward_stereo_range.finder import Measurement, Options, RangeFinder, reported_mm
+from chairward_stereo_range.finder import Options, RangeFinder, reported_mm
 from chairward_stereo_range.geometry import make_view, scaled, working_size
 from chairward_stereo_range.opencv import opencv
 from chairward_stereo_range.settings import StereoRangeSettings
+from chairward_stereo_range.tracker import Tracked, Tracker
 
 
 def options_of(settings: StereoRangeSettings) -> Options:
@@ -53,7 +55,7 @@ class StereoRange:
             self._calibration_path = context.chair_dir / settings.calibration
             self._calibration = calibration_file.load(self._calibration_path)
         self._rectifier: calibration_file.Rectifier | None = None
-        self._finder: RangeFinder | None = None
+        self._tracker: Tracker | None = None
         self._source_geometry: StereoGeometry | None = None
 
     def process(self, bench: Bench) -> Iterable[Message]:
@@ -67,22 +69,25 @@ class StereoRange:
             return (self._blind(frame, str(error)),)
         if pair is None:
             return (self._blind(frame, "raw camera pictures, but no calibration file is set"),)
-        finder = self._finder_for(pair.geometry)
+        tracker = self._tracker_for(pair.geometry)
         mask = bench.get(ObstacleMap)
-        found = finder.measure(pair.left, pair.right, None if mask is None else mask.mask)
+        step = tracker.step(
+            pair.left, pair.right, frame.captured_ns, frame.skew_ns, None if mask is None else mask.mask
+        )
+        found = step.measurement
         bench.put(pair)
         bench.put(DisparityMap(disparity_px=found.disparity, geometry=pair.geometry, captured_ns=frame.captured_ns))
         bench.put(
             FloorMap(
                 floor=found.floor,
                 obstacle=found.obstacle,
-                horizon_row=finder.horizon_row,
+                horizon_row=tracker.finder.horizon_row,
                 captured_ns=frame.captured_ns,
             )
         )
-        reading = self._reading(frame, found)
+        reading = self._reading(frame, step)
         if self._settings.panes:
-            for name, picture in panes.draw(pair.left, pair.right, found, finder, self._context.stop_mm):
+            for name, picture in panes.draw(pair.left, pair.right, found, tracker.finder, self._context.stop_mm):
                 bench.put(Pane(name=name, image=picture, captured_ns=frame.captured_ns))
         return (reading,)
 
@@ -109,23 +114,26 @@ class StereoRange:
             return None
         return RectifiedPair(left=left, right=right, geometry=geometry, captured_ns=frame.captured_ns, seq=frame.seq)
 
-    def _finder_for(self, geometry: StereoGeometry) -> RangeFinder:
-        if self._finder is None or geometry != self._source_geometry:
+    def _tracker_for(self, geometry: StereoGeometry) -> Tracker:
+        if self._tracker is None or geometry != self._source_geometry:
             view = make_view(geometry, self._context.pose, self._context.footprint)
-            self._finder, self._source_geometry = RangeFinder(view, self._options), geometry
-        return self._finder
+            self._tracker, self._source_geometry = Tracker(RangeFinder(view, self._options)), geometry
+        return self._tracker
 
-    def _reading(self, frame: StereoFrame, found: Measurement) -> RangeReading:
+    def _reading(self, frame: StereoFrame, step: Tracked) -> RangeReading:
+        found = step.measurement
+        left_seen, right_seen = found.sides_seen
         return RangeReading(
             seq=frame.seq,
             captured_ns=frame.captured_ns,
-            can_see=found.can_see,
-            ahead_mm=reported_mm(found.ahead) if found.can_see or found.ahead else None,
-            left_mm=reported_mm(found.left),
-            right_mm=reported_mm(found.right),
+            can_see=step.can_see,
+            ahead_mm=_whole_mm(step.ahead_mm) if step.can_see or isfinite(step.ahead_mm) else None,
+            left_mm=reported_mm(found.left) if (step.can_see and left_seen) or found.left else None,
+            right_mm=reported_mm(found.right) if (step.can_see and right_seen) or found.right else None,
+            closing_mm_s=int(np.clip(step.closing_mm_s, 0, 5000)),
             coverage=float(np.clip(found.coverage, 0.0, 1.0)),
-            confidence=float(np.clip(found.coverage, 0.0, 1.0)),
-            reason=found.reason[:200],
+            confidence=float(np.clip(found.coverage, 0.0, 1.0)) if step.can_see else 0.0,
+            reason=step.reason[:200],
         )
 
     def _blind(self, frame: StereoFrame, reason: str) -> RangeReading:
@@ -137,6 +145,10 @@ class StereoRange:
             confidence=0.0,
             reason=reason[:200],
         )
+
+
+def _whole_mm(distance_mm: float) -> int:
+    return int(min(max(distance_mm, 0.0), float(NOTHING_NEAR_MM)))
 
 
 def _resized(image: Image, size: tuple[int, int]) -> Image:

@@ -1,0 +1,122 @@
+"""What a single pair cannot tell: closing speed, edges seen twice, and low things that have gone under the view.
+
+A low thing (a box, a cable's bulge, the edge of a step) leaves the picture at its bottom while the chair drives on. It
+is still there: it is carried towards the chair by the floor odometry until the chair has passed it, or until the chair
+has backed off so far that its place is seen again. Without odometry it stays where it was: caution, not a guess.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+LOW_MM = 350.0
+"""Higher things cannot go under the view; they leave it sideways."""
+LOST_JUMP_MM = 250.0
+SEEN_TIMES = 4
+CAME_MM = 100.0
+"""A thing is remembered only after this many frames and this much approach: noise of the floor does not approach."""
+CLOSING_S = 0.6
+MIN_CLOSING_MM_S = 150.0
+"""Less than this is within the error of the fit and of the odometry."""
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """One frame's nearest thing: distance from the footprint, mm (None: nothing), and the height of its top."""
+
+    time_s: float
+    ahead_mm: float | None
+    top_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Remembered:
+    """What to report: ahead_mm None means nothing; from_memory: it is not seen now."""
+
+    ahead_mm: float | None
+    closing_mm_s: float
+    from_memory: bool
+
+
+class Memory:
+    """Call `step` once for every frame, in order.
+
+    gone_below_mm: distance from the footprint nearer than which a low thing is out of view. length_mm: the chair's.
+    """
+
+    def __init__(self, gone_below_mm: float, length_mm: float) -> None:
+        self._edge, self._length = gone_below_mm, length_mm
+        self._track: deque[Seen] = deque(maxlen=30)
+        self._held_mm: float | None = None
+        self._driven: deque[tuple[float, float]] = deque(maxlen=30)
+
+    def step(self, seen: Seen, driven_mm: float | None) -> Remembered:
+        """seen: this frame. driven_mm: forward since the last frame, None unknown."""
+        if self._held_mm is not None:
+            self._held_mm -= driven_mm or 0.0
+            passed = self._held_mm < -self._length
+            in_view_again = self._held_mm > self._edge + LOST_JUMP_MM
+            if passed or in_view_again:
+                self._held_mm = None
+        self._driven.append((seen.time_s, driven_mm if driven_mm is not None else np.nan))
+        last = self._track[-1] if self._track else None
+        if last is not None and last.ahead_mm is not None and self._vanished(last, seen):
+            self._held_mm = min(last.ahead_mm - (driven_mm or 0.0), self._held_mm or np.inf)
+        if last is None or self._jumped(last, seen):
+            self._track.clear()
+        self._track.append(seen)
+        if self._held_mm is not None and (seen.ahead_mm is None or self._held_mm < seen.ahead_mm):
+            return Remembered(max(self._held_mm, 0.0), 0.0, True)
+        return Remembered(seen.ahead_mm, self._closing(), False)
+
+    def _vanished(self, last: Seen, seen: Seen) -> bool:
+        """A low thing near the lower end of the view is gone, after coming nearer just as far as the chair drove."""
+        first = self._track[0]
+        if last.ahead_mm is None or first.ahead_mm is None:
+            return False
+        gone = seen.ahead_mm is None or seen.ahead_mm > last.ahead_mm + LOST_JUMP_MM
+        near = last.ahead_mm < self._edge + LOST_JUMP_MM
+        if not (gone and near and last.top_mm < LOW_MM and len(self._track) >= SEEN_TIMES):
+            return False
+        came = first.ahead_mm - last.ahead_mm
+        driven = [mm for t, mm in self._driven if first.time_s < t <= last.time_s]
+        known = driven and not np.isnan(driven).any()
+        return came >= CAME_MM and (not known or abs(came - sum(driven)) <= 40.0 + 0.3 * came)
+
+    @staticmethod
+    def _jumped(last: Seen, seen: Seen) -> bool:
+        if last.ahead_mm is None or seen.ahead_mm is None:
+            return True
+        return abs(seen.ahead_mm - last.ahead_mm) > max(100.0, 0.12 * last.ahead_mm)
+
+    def _closing(self) -> float:
+        """Speed at which the thing comes closer beyond the chair's own motion, 0 when small or unknown."""
+        if len(self._track) < 4:
+            return 0.0
+        end = self._track[-1].time_s
+        window = [s for s in self._track if end - s.time_s <= CLOSING_S]
+        if len(window) < 4 or window[-1].time_s - window[0].time_s < 0.2:
+            return 0.0
+        times = np.array([s.time_s for s in window])
+        distances = np.array([s.ahead_mm for s in window], float)
+        approach = -float(np.polyfit(times - times[0], distances, 1)[0])
+        own = [mm for t, mm in self._driven if t > window[0].time_s]
+        if not own or np.isnan(own).any():
+            return 0.0
+        beyond = approach - sum(own) / float(times[-1] - times[0])
+        return beyond if beyond >= MIN_CLOSING_MM_S else 0.0
+
+
+class Confirm:
+    """True when at least two of the last three answers were: for edges, which a mirror in the floor can feign once."""
+
+    def __init__(self) -> None:
+        self._last: deque[bool] = deque([False, False, False], maxlen=3)
+
+    def step(self, answer: bool) -> bool:
+        """The newest answer; returns the confirmed one."""
+        self._last.append(answer)
+        return sum(self._last) >= 2

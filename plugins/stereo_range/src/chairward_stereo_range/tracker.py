@@ -1,0 +1,102 @@
+"""The whole way from a rectified pair to one reading, frame after frame: faults, measurement, drops, memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from chairward.stages import Image
+from chairward_stereo_range.faults import FaultWatch
+from chairward_stereo_range.finder import Bools, Measurement, RangeFinder, Spot
+from chairward_stereo_range.memory import Confirm, Memory, Seen
+from chairward_stereo_range.odometry import FloorOdometry
+
+DROP_FARTHEST_MM = 2000.0
+"""A drop farther than this is not reported: the floor's mirror images are too alike."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tracked:
+    """One frame's result. ahead_mm: from the footprint, inf when nothing is near; depth_mm: the same thing's depth.
+
+    driven_mm: forward since the last frame, None unknown.
+    """
+
+    measurement: Measurement
+    ahead_mm: float
+    depth_mm: float
+    can_see: bool
+    reason: str
+    closing_mm_s: float = 0.0
+    driven_mm: float | None = None
+
+
+class Tracker:
+    """Keeps what one lane knows between frames. The thesis methods get none of it: they had none."""
+
+    def __init__(self, finder: RangeFinder) -> None:
+        self.finder = finder
+        view = finder.view
+        self._plain = finder.is_thesis
+        self._faults = FaultWatch()
+        self._drop = Confirm()
+        self._odometry = FloorOdometry(view) if view.floor_known else None
+        if self._odometry is not None and self._odometry.visible_from_mm == inf:
+            self._odometry = None
+        gone = self._odometry.visible_from_mm + view.ahead_offset_mm() if self._odometry is not None else 0.0
+        self._memory = Memory(gone, view.footprint.front_mm + view.footprint.rear_mm)
+
+    def step(self, left: Image, right: Image, captured_ns: int, skew_ns: int = 0, mask: Bools | None = None) -> Tracked:
+        """left, right: the rectified pair, h x w x 3 BGR. mask: appearance's obstacles, for the thesis methods."""
+        found = self.finder.measure(left, right, mask)
+        if self._plain:
+            return _single(found)
+        fault = self._faults.check(left, right, skew_ns)
+        nearest = self._nearest(found, fault)
+        driven = self._odometry.step(left) if self._odometry is not None and not fault else None
+        seen = Seen(
+            captured_ns / 1e9,
+            None if nearest is None else nearest.ahead_mm,
+            inf if nearest is None else nearest.top_mm,
+        )
+        kept = self._memory.step(seen, driven)
+        if kept.from_memory and kept.ahead_mm is not None:
+            reason = fault or found.reason or "a low thing has gone under the view"
+            can_see = found.can_see and not fault
+            return Tracked(found, kept.ahead_mm, self._depth(kept.ahead_mm), can_see, reason, 0.0, driven)
+        return Tracked(
+            found,
+            inf if nearest is None else nearest.ahead_mm,
+            inf if nearest is None else nearest.depth_mm,
+            found.can_see and not fault,
+            fault or found.reason or ("the floor ends" if nearest is not None and nearest is found.drop else ""),
+            kept.closing_mm_s,
+            driven,
+        )
+
+    def _nearest(self, found: Measurement, fault: str) -> Spot | None:
+        """The nearer of obstacle and confirmed drop; a faulty pair shows nothing that could be believed."""
+        near_drop = found.drop if found.drop is not None and found.drop.ahead_mm <= DROP_FARTHEST_MM else None
+        confirmed = self._drop.step(near_drop is not None)
+        spots = [s for s in (found.ahead, near_drop if confirmed else None) if s is not None]
+        return min(spots, key=lambda s: s.ahead_mm) if spots and not fault else None
+
+    def _depth(self, ahead_mm: float) -> float:
+        """Depth of a floor point that is ahead_mm before the footprint, straight ahead."""
+        p = self.finder.view.pose
+        lens = ahead_mm - self.finder.view.ahead_offset_mm()
+        pitch = np.radians(p.pitch_deg)
+        return float(lens * np.cos(pitch) + p.z_mm * np.sin(pitch)) if p.pitch_deg else lens
+
+
+def _single(found: Measurement) -> Tracked:
+    spot = found.ahead
+    return Tracked(
+        found,
+        inf if spot is None else spot.ahead_mm,
+        inf if spot is None else spot.depth_mm,
+        found.can_see,
+        found.reason,
+    )
