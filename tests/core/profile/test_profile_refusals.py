@@ -355,6 +355,30 @@ def test_a_set_for_nothing_is_refused(house) -> None:
     assert house.refused("radar.x=1").startswith("--set radar.x: this chair uses no component 'radar'")
 
 
+@pytest.mark.parametrize(
+    ("table", "key", "value", "says"),
+    [
+        ("chair", "kind", "boat", "kind = 'boat': input should be 'simulator', 'files', 'robot' or 'chair'"),
+        ("chair", "lane", {}, "lane = {}: needs at least 1"),
+        ("chair", "lane", {"Front Eyes": {"source": "eyes"}}, "lane.Front Eyes cannot be called so: use small letters"),
+        ("chair", "choices", {"words": {"speaker": 3}}, "choices.words.speaker = 3: input should be a list or a table"),
+        ("chair", "choices", {"words": {"speaker": {"min": "a", "max": 1}}}, "choices.words.speaker.min = 'a': input"),
+        ("person", "language", "english!", "language = 'english!': use a language code such as"),
+        ("person", "words", {"a\nb": "stop"}, "words.a b cannot be called so: use letters, no line breaks"),
+        ("person", "limits", 3, "limits = 3: input should be a table"),
+        ("person", "chair", ["A b"], "chair.0 = 'A b': use small letters, digits, - and _"),
+    ],
+)
+def test_the_sentence_uses_plain_words(house, table: str, key: str, value: object, says: str) -> None:
+    getattr(house, table)[key] = value
+    assert house.refused().partition(": ")[2].startswith(says)
+
+
+def test_what_set_cannot_reach_is_said(house) -> None:
+    message = house.refused("footprint.front_mm=3")
+    assert message.startswith("--set footprint.front_mm: stands in the chair file alone")
+
+
 # files --------------------------------------------------------------------------------------------------------------
 def test_a_name_that_is_not_there_is_refused_with_those_that_are(house) -> None:
     house.write()

@@ -6,7 +6,17 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
 
+NAME = r"^[a-z0-9][a-z0-9_-]*$"
+WORD = r"^[^\x00-\x1f\x7f]*\S[^\x00-\x1f\x7f]*$"
+LANGUAGE = r"^[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*$"
+PATTERNS = {
+    NAME: "use small letters, digits, - and _",
+    WORD: "use letters, no line breaks",
+    LANGUAGE: 'use a language code such as "en" or "pt-BR"',
+}
+"""What the patterns of the models mean, in plain words."""
 LONGEST_SHOWN = 60
 LONGEST_SENTENCE = 1000
 
@@ -48,36 +58,51 @@ def dotted(path: Sequence[int | str]) -> str:
 def sentence(error: ValidationError, model: type[BaseModel], raw: Mapping[str, Any]) -> tuple[list[int | str], str]:
     """The path of the first mistake in `raw` and what to say about it ("= 'x': input should be ...").
 
-    Mistyped keys come first, missing ones last: the one is the likeliest cause of the other.
+    Mistyped keys come first, missing ones last: the one is the likeliest cause of the other. Where several kinds of
+    value are allowed, what is nearest to one of them counts, and all are named.
     """
-    problems = error.errors(include_url=False)
-    first = min(problems, key=lambda p: {"extra_forbidden": 0, "missing": 2}.get(p["type"], 1))
-    path = _in_raw(raw, first["loc"])
-    more = f" ({len(problems) - 1} more like it)" if len(problems) > 1 else ""
-    if first["type"] == "extra_forbidden":
+    problems = [(p["type"], _in_raw(raw, p), p) for p in error.errors(include_url=False)]
+    kind, path, first = min(problems, key=lambda p: ({"extra_forbidden": 0, "missing": 2}.get(p[0], 1), -len(p[1])))
+    more = len({dotted(p[1]) for p in problems if p[1] != path[: len(p[1])]})
+    others = f" ({more} more like it)" if more else ""
+    if kind == "extra_forbidden":
         known = _known_keys(model, path[:-1])
-        return path, f"is not a setting here: remove or correct it{' (known: ' + known + ')' if known else ''}{more}"
-    if first["type"] == "missing":
-        return path, f"is missing: add it{more}"
-    message = " ".join(str(first["msg"]).split()).removeprefix("Value error, ").rstrip(".")
-    if first["type"] != "value_error":
-        message = message[:1].lower() + message[1:]
-    if not path:
-        return path, message + more
-    return path, f"= {shown(at(raw, path))}: {message}{more}"
+        return path, f"is not a setting here: remove or correct it{' (known: ' + known + ')' if known else ''}{others}"
+    if kind == "missing":
+        return path, f"is missing: add it{others}"
+    allowed = list(dict.fromkeys(_plain(p) for _, where, p in problems if where == path))
+    text = " or ".join([allowed[0], *(other.removeprefix("input should be ") for other in allowed[1:])])
+    if first["loc"] and first["loc"][-1] == "[key]":
+        return path, f"cannot be called so: {text}{others}"
+    return path, f"= {shown(at(raw, path))}: {text}{others}" if path else text + others
 
 
-def _in_raw(raw: object, loc: Sequence[int | str]) -> list[int | str]:
-    """pydantic's location without what is not in the file (names of union members, "[key]" marks)."""
+def _plain(problem: ErrorDetails) -> str:
+    """pydantic's words, with patterns and counts in plain ones."""
+    if problem["type"] == "string_pattern_mismatch":
+        return PATTERNS.get(problem["ctx"]["pattern"], f"must match {problem['ctx']['pattern']}")
+    if problem["type"] == "too_short":
+        return f"needs at least {problem['ctx']['min_length']}"
+    text = " ".join(str(problem["msg"]).split()).rstrip(".")
+    for json, toml in (("a valid array", "a list"), ("an object", "a table"), ("a valid dictionary", "a table")):
+        text = text.replace(json, toml)
+    if problem["type"] == "value_error":
+        return text.removeprefix("Value error, ")
+    return text[:1].lower() + text[1:]
+
+
+def _in_raw(raw: object, problem: ErrorDetails) -> list[int | str]:
+    """Where the problem is in the file: pydantic's location without names of union members and "[key]" marks."""
     path: list[int | str] = []
-    for step in loc:
+    absent = problem["type"] in ("missing", "extra_forbidden")
+    for index, step in enumerate(problem["loc"]):
         here = at(raw, path)
         if isinstance(here, Mapping):
-            if step in here or step == loc[-1]:
+            if step in here or (absent and index == len(problem["loc"]) - 1):
                 path.append(step)
         elif isinstance(here, list) and isinstance(step, int):
             path.append(step)
-    return [step for step in path if step != "[key]"]
+    return path
 
 
 def _known_keys(model: type[BaseModel], path: Sequence[int | str]) -> str:

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import platformdirs
 
-from chairward.profile.errors import ProfileError, shown
+from chairward.profile.errors import NAME, ProfileError, shown
 
 Kind = Literal["chairs", "people"]
 LARGEST_FILE_BYTES = 1_000_000
@@ -78,7 +78,7 @@ def names(kind: Kind, folder: Path) -> list[str]:
 
 def is_name(text: str) -> bool:
     """Can a profile be called so?"""
-    return re.fullmatch(r"[a-z0-9][a-z0-9_-]{0,39}", text) is not None
+    return re.fullmatch(NAME, text) is not None and len(text) <= 40
 
 
 def find(kind: Kind, given: str | Path, folder: Path) -> Path:

@@ -244,6 +244,10 @@ class _Loading:
         named += [(f"{self.person_file.label}: settings.{name}", name) for name in self.person.settings]
         named += [(f"--set {c.table}.{c.key}", c.table) for c in self.overrides if c.table not in ("", "limits")]
         for text, name in named:
+            if text.startswith("--set") and name in Chair.model_fields:
+                raise ProfileError(
+                    f"{text}: stands in the chair file alone: --set takes limits and components' settings"
+                )
             if name not in offered:
                 raise ProfileError(
                     f"{text}: this chair uses no component '{name}' (it uses: {', '.join(sorted(used))})"
@@ -251,14 +255,13 @@ class _Loading:
 
     def _plan(self, found: Sequence[Lane], drive: str, by_place: dict[str, Part], limits: Limits) -> Plan:
         chair, person = self.chair, self.person
-        recordings = Path(platformdirs.user_data_path("chairward")) / "people" / person.name
         return Plan(
             chair=chair.name,
             chair_file=str(self.chair_file.path),
             kind=chair.kind,
             person=person.name,
             person_file=str(self.person_file.path),
-            person_dir=str(recordings),
+            person_dir=str(platformdirs.user_data_path("chairward") / "people" / person.name),
             language=person.language,
             words={word: str(command) for word, command in person.words.items()},
             footprint=Footprint(**chair.footprint.model_dump()),

@@ -12,14 +12,15 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from chairward.messages import Button, Command, Way
 from chairward.plan import ChairKind
+from chairward.profile.errors import LANGUAGE, NAME, WORD
 from chairward.profile.merge import Safer
 
 PROTECTED_MM = 450
 """Nearer than this the chair's own motion never brings its footprint to what it drives at."""
 
-Name = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$", max_length=40)]
+Name = Annotated[str, Field(pattern=NAME, max_length=40)]
 Text = Annotated[str, Field(max_length=400)]
-Word = Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[^\x00-\x1f\x7f]*\S[^\x00-\x1f\x7f]*$")]
+Word = Annotated[str, Field(min_length=1, max_length=40, pattern=WORD)]
 Table = dict[str, Any]
 
 
@@ -207,7 +208,7 @@ class Person(Strict):
     about: Text = ""
     chair: Name | list[Name] = Field(description="the chair or chairs this was set up for")
     drive: str | None = Field(default=None, description="one of the drives the chair offers")
-    language: Annotated[str, Field(pattern=r"^[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*$")] = "en"
+    language: Annotated[str, Field(pattern=LANGUAGE)] = "en"
     words: dict[Word, Command] = Field(default={}, description="word -> what it means")
     limits: Table = Field(default={}, description="only towards the safer side")
     settings: dict[str, Table] = Field(default={}, description="of components, as far as the chair offers the choice")
