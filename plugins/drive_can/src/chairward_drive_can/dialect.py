@@ -36,7 +36,7 @@ class Dialect(Protocol):
     """Frames of motion that may be unanswered at most, where the interface tells: those of two ticks."""
 
     def hear(self, frame: Frame, now_ns: int, motion: Motion | None, /) -> Sequence[Frame]:
-        """Take in one frame. motion: the guard's command while it is fresh, else None. Never raises."""
+        """Take in one frame. motion: the guard's last command, None before the first. Never raises."""
 
     def setup(self, now_ns: int, /) -> Sequence[Frame]:
         """The next step of the set-up that is due, if any; called often, told apart by time."""

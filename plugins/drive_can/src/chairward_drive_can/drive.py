@@ -81,8 +81,7 @@ class CanDrive:
         armed = self._dialect.report(now_ns).armed
         self._send(self._dialect.arm(now_ns), now_ns)
         if not armed:
-            self._neutral = self._asked == STILL
-            self._given = STILL
+            self._neutral, self._given = False, STILL
 
     def disarm(self, now_ns: int) -> None:
         self._asked, self._asked_ns, self._given = STILL, now_ns, STILL
@@ -115,8 +114,8 @@ class CanDrive:
     def poll(self, now_ns: int) -> DriveStatus:
         if self._bus is not None:
             for frame in self._guarded(self._bus.receive):
-                fresh = self._given if self._asked_ns and self._age_ns(self._asked_ns) <= self._stale_ns else None
-                self._send(self._dialect.hear(frame, now_ns, fresh), now_ns if fresh is None else self._asked_ns)
+                motion = self._given if self._asked_ns else None
+                self._send(self._dialect.hear(frame, now_ns, motion), self._asked_ns or now_ns)
             self._send(self._dialect.setup(now_ns), now_ns)
         report = self._dialect.report(now_ns)
         heard = report.heard_ns > 0 and now_ns - report.heard_ns <= self._settings.link_ms * MS

@@ -76,9 +76,8 @@ def run_contract() -> subprocess.CompletedProcess[str]:
     """The drive contract on vcan0."""
     tests = HERE / "contract_on_vcan.py"
     # python-can forgets to close its socket when an interface is not there: a ResourceWarning that is not ours.
-    return run(
-        f"{sys.executable} -m pytest -W ignore::ResourceWarning -q -n0 --color=no -p no:cacheprovider --timeout=200 {tests}"
-    )
+    options = "-q -n0 --color=no -W ignore::ResourceWarning -p no:cacheprovider --timeout=200"
+    return run(f"{sys.executable} -m pytest {options} {tests}")
 
 
 def main() -> int:

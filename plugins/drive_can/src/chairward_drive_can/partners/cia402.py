@@ -44,8 +44,8 @@ class MotorNode:
         return self.axis.value
 
     def value(self, index: int, sub: int = 0) -> int:
-        """What is in the object dictionary."""
-        return self.objects[index, sub][0]
+        """What is in the object dictionary; 0 where this node has no such object."""
+        return self.objects.get((index, sub), (0, 0))[0]
 
     def hear(self, frame: Frame, now_ns: int) -> list[Frame]:
         """What a frame on the bus brings about here."""
