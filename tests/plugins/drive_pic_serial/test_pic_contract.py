@@ -13,13 +13,16 @@ from chairward.testing import (
     PowerContract,
     RampContract,
     StopInputContract,
+    VersionContract,
 )
 from chairward_drive_pic_serial.engine import Engine, ModelEngine
 from chairward_drive_pic_serial.rig import PicRig
 
 
-class TestPicSerial(DriveContract, RampContract, StopInputContract, PowerContract, ExclusivePortContract):
-    """All that fit; the version contract is in test_pic_drive.py (gpsim has one firmware)."""
+class TestPicSerial(
+    DriveContract, RampContract, StopInputContract, PowerContract, ExclusivePortContract, VersionContract
+):
+    """All contracts, each on both engines."""
 
     @pytest.fixture
     def rig(self, engine: Engine, tmp_path: Path) -> Iterator[PicRig]:

@@ -41,7 +41,7 @@ def probe(path: str, wait_s: float = 0.5) -> str:
         return str(error)
     splitter, end = wire.Splitter(), time.monotonic() + wait_s
     try:
-        port.write(b"\0" + wire.ask(wire.Ask.HELLO, 1, 8, 5))
+        port.write(wire.ask(wire.Ask.HELLO, 1, 8, 5))
         while (left := end - time.monotonic()) > 0:
             select.select([port.fd], [], [], left)
             for payload in splitter.feed(port.read()):

@@ -135,7 +135,7 @@ class PicSerialDrive:
             return
         try:
             if self._nonce is not None:
-                self._port.write(b"\0" + wire.ask(Ask.BRAKE, self._next_seq(), 1))
+                self._port.write(wire.ask(Ask.BRAKE, self._next_seq(), 1))
         except PortError as error:
             log.info("while closing: %s", error)  # the controller's own watchdog stops the chair
         self._port.close()
@@ -162,7 +162,7 @@ class PicSerialDrive:
             self._send(now_ns, Ask.BRAKE, 0)
         elif self._state != State.ARMED:
             self._send(now_ns, Ask.DRIVE, 0, 0)
-        elif (steer or drive) and sum(sent.moves for sent in self._waiting) >= WINDOW:
+        elif (steer or drive) and not self._overdue(now_ns) and sum(sent.moves for sent in self._waiting) >= WINDOW:
             self._pending = (now_ns, steer, drive)
         else:
             self._send(now_ns, Ask.DRIVE, steer, drive)
@@ -175,7 +175,7 @@ class PicSerialDrive:
         since = self._waiting_since_ns
         moves = kind == Ask.DRIVE and any(body)
         try:
-            if since is not None and now_ns - since >= NEUTRAL_AFTER_NS:
+            if self._overdue(now_ns):
                 if now_ns - self._neutral_ns < NEUTRAL_AFTER_NS:
                     return
                 self._neutral_ns = now_ns
@@ -193,6 +193,10 @@ class PicSerialDrive:
         self._waiting.append(_Sent(seq, now_ns, moves))
         if since is None:
             self._waiting_since_ns = now_ns
+
+    def _overdue(self, now_ns: int) -> bool:
+        """No answer for 60 ms to something that was sent."""
+        return self._waiting_since_ns is not None and now_ns - self._waiting_since_ns >= NEUTRAL_AFTER_NS
 
     def _next_seq(self) -> int:
         self._seq = self._seq % 255 + 1

@@ -6,6 +6,7 @@ and registers. Time stands still in between, so tests are exact and as fast as t
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import select
@@ -19,11 +20,13 @@ from typing import Self
 
 from chairward_drive_pic_serial import wire
 from chairward_drive_pic_serial.firmware import FirmwareError, assemble
-from chairward_drive_pic_serial.model import CYCLES_PER_US, PWM_STEPS, Pins
+from chairward_drive_pic_serial.model import CYCLES_PER_US, PWM_STEPS, RX_BYTE_CYCLES, Pins
 
 STATE, FAULT = 0x2A, 0x2B
 """Addresses of `state` and `fault` in drive.asm's RAM (a test reads them from the listing)."""
 HANG_S = 20.0
+UART_ROOM = 10
+"""Bytes that gpsim's UART module is given at once; it silently loses what is too much (16 and more)."""
 _BYTE = re.compile(rb"<([0-9A-F]{2})>")
 _SCRIPT = """load s drive.cod
 frequency 20000000
@@ -77,6 +80,8 @@ class Gpsim:
             env={**os.environ, "HOME": str(folder)},  # keeps its readline history out of the person's home
         )
         self._asked: list[str] = []
+        self._line = bytearray()
+        self._line_free = 0.0
         self._out = bytearray()
         self._unread = b""
         self._portd = self._steer = self._drive = self._state = self._fault = 0
@@ -86,7 +91,7 @@ class Gpsim:
 
     def feed(self, data: bytes) -> None:
         """Bytes from the host."""
-        self._asked += [f"U1.tx = {byte}" for byte in data]
+        self._line += data
 
     def take(self) -> bytes:
         """The bytes that have left the PIC since the last call."""
@@ -99,7 +104,18 @@ class Gpsim:
         cycles = round(microseconds * CYCLES_PER_US)
         if cycles <= 0:
             return  # a break at the present cycle would never come
-        self.now += cycles
+        end = self.now + cycles
+        while self._line:
+            self._line_free = max(self._line_free, self.now)
+            room = UART_ROOM - math.ceil((self._line_free - self.now) / RX_BYTE_CYCLES)
+            part, self._line = self._line[:room], self._line[room:]
+            self._asked += [f"U1.tx = {byte}" for byte in part]
+            self._line_free += len(part) * RX_BYTE_CYCLES
+            if not self._line or (until := int(self._line_free - 2 * RX_BYTE_CYCLES)) >= end:
+                break
+            self.now = max(until, self.now + 1)
+            self._asked += [f"break c {self.now}", "run"]
+        self.now = end
         self._asked += [f"break c {self.now}", "run", "portd", "ccpr1l", "ccpr2l"]
         self._asked += [f"reg({STATE:#x})", f"reg({FAULT:#x})"]
         self._write("\n".join(self._asked) + "\n")

@@ -187,6 +187,7 @@ class FirmwareModel:
     def _boot(self) -> None:
         self._booted = True
         self.seq = 0
+        self._ring.append(0)
         self._reply_hello()
 
     def _tick(self) -> None:

@@ -24,7 +24,6 @@ class Port:
 
     def __init__(self, path: str) -> None:
         self.path = path
-        self._partial = False
         self.dropped = 0
         try:
             self._serial = serial.Serial(path, wire.BAUD, timeout=0, write_timeout=0, exclusive=True)
@@ -51,8 +50,8 @@ class Port:
         return data
 
     def write(self, frame: bytes) -> bool:
-        """Write one frame whole, or drop and count it. A cut-off rest is ended by a delimiter before the next frame."""
-        data = b"\0" + frame if self._partial else frame
+        """Write one frame, or drop and count it. A delimiter goes first: nothing cut off before can spoil it."""
+        data = b"\0" + frame
         try:
             wrote = os.write(self.fd, data)
         except OSError as error:
@@ -60,9 +59,8 @@ class Port:
                 self.dropped += 1
                 return False
             raise PortError(f"{self.path}: {_why(error)}") from error
-        self._partial = wrote < len(data)
-        self.dropped += self._partial
-        return not self._partial
+        self.dropped += wrote < len(data)
+        return wrote == len(data)
 
     def forget_unsent(self) -> None:
         """Throw away what the driver has not put on the line yet: it is stale."""
@@ -70,7 +68,6 @@ class Port:
             termios.tcflush(self.fd, termios.TCOFLUSH)
         except (OSError, termios.error) as error:
             raise PortError(f"{self.path}: {_why(error)}") from error
-        self._partial = True
 
     def close(self) -> None:
         """Give the port back."""

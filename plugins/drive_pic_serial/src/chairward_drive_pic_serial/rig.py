@@ -39,6 +39,7 @@ class PicRig(DriveRig):
         self._tap = tap
         self._master = self._slave = -1
         self._splitter = wire.Splitter()
+        self._alter: Callable[[bytes], bytes] = lambda data: data
         self._heard: list[Heard] = []
         self.engine.advance(30_000)
         self.engine.take()
@@ -65,7 +66,7 @@ class PicRig(DriveRig):
                 self.engine.feed(self._tap(data) if self._tap else data)
         self.engine.advance(microseconds)
         self.t_ns += microseconds * 1000
-        data = self.engine.take()
+        data = self._alter(self.engine.take())
         if data and self._master >= 0 and not self.frozen:
             os.write(self._master, data)
 
@@ -129,6 +130,20 @@ class PicRig(DriveRig):
     def rival(self) -> Drive:
         """Another drive on the same pty."""
         return PicSerialDrive(self.settings)
+
+    def other_version(self) -> None:
+        """The controller's HELLO replies say protocol 2."""
+        splitter = wire.Splitter()
+
+        def alter(data: bytes) -> bytes:
+            told = b""
+            for payload in splitter.feed(data):
+                if payload[0] == wire.Reply.HELLO:
+                    payload = payload[:2] + bytes([wire.PROTOCOL + 1]) + payload[3:]
+                told += wire.encode(payload)
+            return told
+
+        self._alter = alter
 
     def close(self) -> None:
         """End all."""

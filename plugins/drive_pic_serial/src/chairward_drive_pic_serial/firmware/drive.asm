@@ -203,6 +203,8 @@ nonce_w banksel EEADR
         movwf   RCSTA
         call    outputs
         clrf    seq
+        movlw   .0              ; ends whatever the line made up while it had no driver
+        call    put
         call    r_hello         ; announce the reset
 
 main    btfsc   PIR1,RCIF
@@ -575,6 +577,7 @@ rx_end  movf    rerr,F
         subwf   idx,W
         btfss   STATUS,C
         goto    bad_fr
+        call    txpump          ; here and below: keep the sender fed while a frame is worked on (uses FSR)
         call    crcinit
         movlw   rxbuf
         movwf   FSR
@@ -850,6 +853,7 @@ send    movf    tail,W
         sublw   RINGMAX
         btfss   STATUS,C
         return
+        call    txpump
         call    crcinit
         movlw   txbuf
         movwf   FSR
@@ -864,6 +868,7 @@ sn1     movf    INDF,W
         movwf   txbuf+TXLEN
         movf    crcl,W
         movwf   txbuf+TXLEN+1
+        call    txpump
         clrf    i
 blk     movf    i,W
         movwf   j

@@ -1,0 +1,133 @@
+"""The simulated PIC as a program of its own, in real time, and a host that dies."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from chairward.shared_state import SharedState
+from chairward_drive_pic_serial import wire
+from chairward_drive_pic_serial.commands import probe
+from chairward_drive_pic_serial.sim_pic import PIN_NAMES
+
+SIM = """
+import sys, time
+from pathlib import Path
+from chairward_drive_pic_serial.sim_pic import SimPic, SimPicSettings
+end = time.monotonic() + 60
+SimPic(SimPicSettings(engine=sys.argv[2]), Path(sys.argv[1])).run(
+    lambda: print("ready", flush=True), lambda: time.monotonic() > end)
+"""
+HOST = """
+import sys, time, select
+from chairward.components import Motion, STILL, DriveError
+from chairward_drive_pic_serial.drive import PicSerialDrive
+from chairward_drive_pic_serial.settings import PicSerialSettings
+drive = PicSerialDrive(PicSerialSettings(port=sys.argv[1]))
+armed = told = False
+while True:
+    now = time.monotonic_ns()
+    try:
+        status = drive.poll(now)
+        if not status.linked:
+            drive.connect(now)
+        elif not status.armed:
+            drive.arm(now)
+        drive.command(now, Motion(500.0, 0.0) if status.armed else STILL)
+        if (status.speed_mm_s or 0) > 300 and not told:
+            told = True
+            print("driving", flush=True)
+    except DriveError as error:
+        print(error, file=sys.stderr, flush=True)
+    time.sleep(0.02)
+"""
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Starts Python programs, waits for their first line, ends them with the test."""
+    started: list[subprocess.Popen[str]] = []
+
+    def run(program: str, *args: str) -> subprocess.Popen[str]:
+        process = subprocess.Popen(
+            [sys.executable, "-c", program, *args], stdout=subprocess.PIPE, text=True, start_new_session=True
+        )
+        started.append(process)
+        assert process.stdout is not None
+        assert select.select([process.stdout], [], [], 30.0)[0], "said nothing for 30 s"
+        assert process.stdout.readline().strip() in ("ready", "driving")
+        return process
+
+    yield run
+    for process in started:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        if process.stdout is not None:
+            process.stdout.close()
+
+
+def _driving(pins: SharedState) -> bool:
+    values = pins.read()
+    return values["drive_in1"] != values["drive_in2"] and values["drive_duty"] > 0
+
+
+ENGINES = ["model", pytest.param("gpsim", marks=pytest.mark.needs_gpsim)]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_host_that_dies_or_hangs_leaves_no_motor_on(
+    start: Callable[..., subprocess.Popen[str]],
+    request: pytest.FixtureRequest,
+    tmp_path: Path,
+    engine: str,
+    how: signal.Signals,
+) -> None:
+    if engine == "gpsim":
+        request.getfixturevalue("new_gpsim")  # skips where it is missing
+    start(SIM, str(tmp_path), engine)
+    pins = SharedState.attach(tmp_path / "pins", 5.0)
+    host = start(HOST, str(tmp_path / "pic"))
+    assert _driving(pins)
+    host.send_signal(how)
+    killed = time.monotonic()
+    while _driving(pins):
+        assert time.monotonic() - killed < 2.0, "a motor is still on"
+        time.sleep(0.001)
+    values = pins.read()
+    assert values["brake"] == 1
+    assert values["state"] != wire.State.ARMED
+    pins.close()
+
+
+def test_pins_are_published_under_the_agreed_names_and_kept_fresh(
+    start: Callable[..., subprocess.Popen[str]], tmp_path: Path
+) -> None:
+    start(SIM, str(tmp_path), "model")
+    pins = SharedState.attach(tmp_path / "pins", 5.0)
+    assert pins.names == PIN_NAMES
+    first = pins.read()["time_ns"]
+    end = time.monotonic() + 5.0
+    while pins.read()["time_ns"] == first:
+        assert time.monotonic() < end
+        time.sleep(0.001)
+    assert pins.read()["brake"] == 1
+    pins.close()
+
+
+def test_find_names_what_answers(start: Callable[..., subprocess.Popen[str]], tmp_path: Path) -> None:
+    start(SIM, str(tmp_path), "model")
+    assert "Chairward PIC, protocol 1" in probe(str(tmp_path / "pic"), wait_s=5.0)
+
+
+def test_find_says_what_is_wrong_with_a_port(tmp_path: Path) -> None:
+    assert "there is no such port" in probe(str(tmp_path / "none"))
