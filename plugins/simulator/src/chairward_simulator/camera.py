@@ -55,7 +55,7 @@ class SimCameras:
         if wait_s > 0:
             time.sleep(wait_s)
         period_ns = int(1e9 / self._settings.fps)
-        self._due_ns = max(self._due_ns + period_ns, time.monotonic_ns())
+        self._due_ns += period_ns * (1 + max(0, time.monotonic_ns() - self._due_ns) // period_ns)
         state = read(self._world, "sim_cameras")
         people = (
             [

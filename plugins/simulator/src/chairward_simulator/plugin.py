@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import typer
+
 from chairward.components import Component, Context
 from chairward.hookspecs import hookimpl
 from chairward.messages import Alive, Press
@@ -77,3 +79,12 @@ def chairward_companions() -> Sequence[Component]:
             summary="a home with a chair whose body obeys the controller's pins, and people in it",
         ),
     )
+
+
+@hookimpl
+def chairward_commands(app: typer.Typer) -> None:  # noqa: ARG001 - joins the group that core already has
+    """`chairward sim home`."""
+    from chairward.cli import sim
+    from chairward_simulator.commands import home
+
+    sim.app.command("home")(home)

@@ -18,7 +18,7 @@ Steps = Generator[str | None, None, None]
 Asks = Generator[str | None, None, bool]
 
 STEP_DEG = 15.0
-HALF_STEP_DEG = 8.0
+HALF_STEP_DEG = 9.0
 BACK_MM = 300.0
 """What "left"/"right" and "back" do at once; only first guesses, the person looks at what came of them."""
 STOP_MM_S2 = 600.0
@@ -168,7 +168,7 @@ class Rider:
                 yield None
             if word == "front" and self._blocked() and attempt >= 2:
                 return False
-            if attempt % 3 == 0:  # perhaps the chair is latched: a sensible user resets and arms it
+            if attempt % 2 == 0:  # perhaps the chair is latched: a sensible user resets and arms it
                 self.reset_presses += 1
                 yield from self._wait(0.3)
                 self.arm_presses += 1
