@@ -20,11 +20,12 @@ from chairward.components import Pose
 from chairward.messages import NOTHING_NEAR_MM
 from chairward.stages import Floats, Image, StereoGeometry
 from chairward_stereo_range import manifest
-from chairward_stereo_range.finder import Bools, Measurement, Options, RangeFinder
+from chairward_stereo_range.finder import Measurement, Options, RangeFinder
 from chairward_stereo_range.geometry import make_view, scaled
 from chairward_stereo_range.manifest import Entry
 from chairward_stereo_range.matching import whole_frame_disparity
 from chairward_stereo_range.mount import estimate_mount
+from chairward_stereo_range.region import Bools
 from chairward_stereo_range.statistics import Figure, as_dict, mean, quantile, rate_pct
 from chairward_stereo_range.tracker import Tracker
 
@@ -129,7 +130,7 @@ def _pair_result(entry: Entry, finder: RangeFinder, found: Measurement, seconds:
     if entry.kind == "stereo_gt":
         g = finder.view.geometry
         truth = manifest.true_disparity(entry, g.width_px, g.height_px)
-        inside = finder.trapezoid & np.isfinite(truth)
+        inside = finder.region.trapezoid & np.isfinite(truth)
         pixels = int(inside.sum())
         error = np.abs(found.disparity - truth)[inside & np.isfinite(found.disparity)]
     return PairResult(entry, _read(found), found.can_see, found.coverage, found.reason, seconds, error, pixels)

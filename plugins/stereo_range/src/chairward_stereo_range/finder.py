@@ -6,22 +6,21 @@ Decisions are made on a grid of half the picture's size (every second row and co
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from chairward.messages import NOTHING_NEAR_MM
 from chairward.stages import Floats, Image
 from chairward_stereo_range import thesis
 from chairward_stereo_range.drops import DropWatch
 from chairward_stereo_range.floor import FloorFit, fit_floor, split
-from chairward_stereo_range.geometry import THESIS_HEIGHT, View, disparity_range, thesis_trapezoid
+from chairward_stereo_range.geometry import THESIS_HEIGHT, View, disparity_range
 from chairward_stereo_range.honesty import hidden_distance_mm
 from chairward_stereo_range.matching import Method, make_matcher
 from chairward_stereo_range.nearest import RELIEF, nearest
 from chairward_stereo_range.opencv import opencv
 from chairward_stereo_range.pyramid import Match, Pyramid, half_size, mean_of_four, without_specks
+from chairward_stereo_range.region import Bools, Region, RegionKind
 from chairward_stereo_range.texture import noise_sigma, periodic, textured
 
 SIDE_COVERAGE = 0.15
@@ -29,8 +28,6 @@ SPECKS = 12
 """Smaller islands (grid pixels at 240 rows) above the floor are noise of the floor itself."""
 HIDDEN_MARGIN = 1.15
 REPEATING_SHARE = 0.1
-Bools = npt.NDArray[np.bool_]
-RegionKind = Literal["corridor", "trapezoid"]
 FINE_ROWS = (112, 218)
 """Rows (at 240) in which the pyramid refines: the thesis' region and a margin."""
 
@@ -99,21 +96,13 @@ class RangeFinder:
         g = view.geometry
         self.view, self.options = view, options
         self.scale = g.height_px / THESIS_HEIGHT
-        self.trapezoid = thesis_trapezoid(g.width_px, g.height_px)
-        self.region = self.trapezoid if options.region == "trapezoid" else self._corridor()
-        rows = np.nonzero(self.region.any(axis=1))[0]
-        pad = int(8 * self.scale)
-        self.top = max(0, int(rows[0]) - pad) // 2 * 2
-        self.bottom = min(g.height_px, int(rows[-1]) + 1 + pad) // 2 * 2
+        half = view.footprint.half_width_mm + options.side_margin_mm
+        self.region = Region(view, options.region, half, options.height_mm)
+        self.top, self.bottom = self.region.top, self.region.bottom
         self.first, self.count = disparity_range(g, options.nearest_mm)
-        grid = (slice(self.top, self.bottom, 2), slice(0, g.width_px // 2 * 2, 2))
-        self._grid = grid
+        grid = self.region.grid
         self._d_floor = np.ascontiguousarray(view.d_floor[grid])
         self._forward = np.ascontiguousarray(view.forward[grid])
-        self._left = np.ascontiguousarray(view.left[grid])
-        self._up = np.ascontiguousarray(view.up[grid])
-        self._region = np.ascontiguousarray(self.region[grid])
-        half = view.footprint.half_width_mm + options.side_margin_mm
         self._drops = DropWatch(view, grid, half, self.scale) if view.floor_known else None
         fine = [int(row * self.scale) for row in FINE_ROWS]
         self._fine = (max(self.top, fine[0]) - self.top, min(self.bottom, fine[1]) - self.top)
@@ -132,22 +121,6 @@ class RangeFinder:
         """First row below which floor can be seen at all; the picture's height when the mount is unknown."""
         below = np.nonzero((self.view.up < 0).all(axis=1))[0]
         return float(below[0]) if self.view.floor_known and below.size else float(self.view.geometry.height_px)
-
-    def _corridor(self) -> Bools:
-        """Where the picture can show a point of the corridor between the nearest depth and 1.5 m."""
-        v, o = self.view, self.options
-        half = v.footprint.half_width_mm + o.side_margin_mm
-        seen = np.zeros(v.forward.shape, bool)
-        for depth in np.geomspace(o.nearest_mm, 1500.0, 12):
-            z = np.full(v.forward.shape, depth, np.float32)
-            seen |= (np.abs(v.pose.y_mm + z * v.left) <= half) & self._passable_height(z, v.up)
-        return seen
-
-    def _passable_height(self, depth: Floats, up: Floats) -> Bools:
-        """Neither over the chair nor far below the floor."""
-        height = self.view.pose.z_mm + depth * up
-        low = height > -0.1 * depth if self.view.floor_known else np.ones(depth.shape, bool)
-        return np.asarray(low & (height < self.options.height_mm))
 
     def measure(self, left: Image, right: Image, mask: Bools | None = None) -> Measurement:
         """left, right: h x w x 3 BGR of the view's size. mask: appearance's obstacles, for the thesis methods only."""
@@ -188,21 +161,17 @@ class RangeFinder:
         above = above & (depth < o.farthest_mm)
         whole = without_specks(np.where(above, d, np.nan).astype(np.float32), round(SPECKS * self.scale**2), 2.0)
         above &= np.isfinite(whole)
-        if o.region == "corridor":
-            inside = np.abs(v.pose.y_mm + depth * self._left) <= v.footprint.half_width_mm + o.side_margin_mm
-            inside &= self._passable_height(depth, self._up)
-        else:
-            inside = self._region
-        ahead = self._spot(full, above & inside, match.sharp)
+        ahead = self._spot(full, above & self.region.contains(depth), match.sharp)
+        region = self.region.grid_mask
         drop = self._drops.edge_mm(floor, below) if self._drops is not None else None
         third = d.shape[1] // 3
-        low_enough = above & self._passable_height(depth, self._up)
+        low_enough = above & self.region.passable(depth)
         left = self._spot(full, low_enough & _columns(d.shape, 0, third), match.sharp)
         right = self._spot(full, low_enough & _columns(d.shape, d.shape[1] - third, d.shape[1]), match.sharp)
         sides_seen = (_share_known(known[:, :third]), _share_known(known[:, d.shape[1] - third :]))
-        coverage = float((known & self._region).sum()) / max(1, int(self._region.sum()))
+        coverage = float((known & region).sum()) / max(1, int(region.sum()))
         ceiling = np.inf if ahead is None else RELIEF * v.fb / ahead.depth_mm + 1.5 * self.scale
-        hidden = hidden_distance_mm(match, full, above, self._region, v, self.scale, ceiling)
+        hidden = hidden_distance_mm(match, full, above, self.region, v, self.scale, ceiling)
         reason = ""
         if coverage < o.min_coverage:
             reason = "too little texture to measure (a plain wall?)"
@@ -214,7 +183,7 @@ class RangeFinder:
             disparity=self._whole(match.precise),
             floor=self._whole_mask(floor),
             obstacle=self._whole_mask(above),
-            region=self.region,
+            region=self.region.mask,
             ahead=ahead,
             left=left,
             right=right,
@@ -230,8 +199,9 @@ class RangeFinder:
 
     def _repeats(self, match: Match) -> bool:
         """Does the lower half of the region, where a near thing must stand, repeat itself along its rows?"""
-        half = self._region.shape[0] // 2
-        low = self._region[half:]
+        mask = self.region.grid_mask
+        half = mask.shape[0] // 2
+        low = mask[half:]
         repeats = periodic(match.small[half:], self.count // 2, match.sigma)
         return bool((repeats & low).sum() > REPEATING_SHARE * max(1, int(low.sum())))
 
@@ -265,7 +235,9 @@ class RangeFinder:
     def _thesis(self, grey_left: Image, grey_right: Image, mask: Bools | None) -> Measurement:
         """The thesis' way: NCC gated by appearance, whole pixels, no idea of blindness."""
         v = self.view
-        gate = (self.trapezoid if mask is None else self.trapezoid & mask)[self.top : self.bottom, : grey_left.shape[1]]
+        gate = (self.region.trapezoid if mask is None else self.region.trapezoid & mask)[
+            self.top : self.bottom, : grey_left.shape[1]
+        ]
         limit = round(thesis.LIMITS[self.options.method] * self.scale)
         found = thesis.smoothed(thesis.ncc_disparity(grey_left, grey_right, gate, limit))
         disparity = self._whole(np.where(found > 0, found, np.nan).astype(np.float32))
@@ -279,7 +251,7 @@ class RangeFinder:
             disparity=disparity,
             floor=np.zeros(disparity.shape, bool),
             obstacle=np.isfinite(disparity),
-            region=self.trapezoid,
+            region=self.region.trapezoid,
             ahead=spot,
             left=None,
             right=None,

@@ -8,7 +8,7 @@ from chairward.components import Bench, Context
 from chairward.plugins import PluginError, discover
 from chairward.stages import Image, ObstacleMap, RectifiedPair, StereoFrame, StereoGeometry
 from chairward_stereo_range.evaluate import Gate
-from chairward_stereo_range.finder import Bools
+from chairward_stereo_range.region import Bools
 
 
 def thesis_gate(method: str) -> Gate | None:

@@ -14,9 +14,11 @@ from chairward.stages import Floats
 from chairward_stereo_range.geometry import View
 from chairward_stereo_range.opencv import opencv
 from chairward_stereo_range.pyramid import Match, without_specks
+from chairward_stereo_range.region import Region
 
 OPEN_PX = 5
 """Plain patches narrower than this on the half-size grid (at 240 rows) are occlusion seams, not surfaces."""
+MIN_PATCH = 40
 RIM_ISLAND = 20
 RIM_SHARE = 0.15
 RIM_PIXELS = 12
@@ -27,7 +29,7 @@ def hidden_distance_mm(
     match: Match,
     full: Floats,
     above: npt.NDArray[np.bool_],
-    region: npt.NDArray[np.bool_],
+    region: Region,
     view: View,
     scale: float,
     ceiling: float,
@@ -38,7 +40,7 @@ def hidden_distance_mm(
     ceiling: largest disparity that is believed (nearer than the nearest thing of a fair size are errors).
     """
     cv2 = opencv()
-    plain = (~match.textured | ~np.isfinite(match.fused)) & region
+    plain = (~match.textured | ~np.isfinite(match.fused)) & region.grid_mask
     side = max(3, int(OPEN_PX * scale) | 1)
     plain8 = cv2.morphologyEx(plain.astype(np.uint8), cv2.MORPH_OPEN, np.ones((side, side), np.uint8))
     count, labels, stats, _ = cv2.connectedComponentsWithStats(plain8)
@@ -48,7 +50,7 @@ def hidden_distance_mm(
     trusted &= np.isfinite(islands)
     for i in range(1, count):
         x, y, w, h, area = (int(v) for v in stats[i])
-        if area < 40 * scale * scale:
+        if area < MIN_PATCH * scale * scale:
             continue
         box = (slice(max(0, y - 3), y + h + 3), slice(max(0, x - 3), x + w + 3))
         patch = (labels[box] == i).astype(np.uint8)
@@ -57,7 +59,10 @@ def hidden_distance_mm(
         if near.size < max(RIM_PIXELS * scale, RIM_SHARE * int(rim.sum())):
             continue
         depth = view.fb / float(near[near.size // 2])
+        within = int((patch.astype(bool) & region.contains(depth, box)).sum())
+        if within < MIN_PATCH * scale * scale:
+            continue
         # 2: the grid's pixels are two full-size ones wide. The mean width, as patches are ragged.
-        width_mm = 2 * (area / h) * depth / view.geometry.focal_px
+        width_mm = 2 * (within / h) * depth / view.geometry.focal_px
         least = min(least, depth - width_mm / 2)
     return float(least)

@@ -9,9 +9,10 @@ import numpy as np
 
 from chairward.stages import Image
 from chairward_stereo_range.faults import FaultWatch
-from chairward_stereo_range.finder import Bools, Measurement, RangeFinder, Spot
+from chairward_stereo_range.finder import Measurement, RangeFinder, Spot
 from chairward_stereo_range.memory import Confirm, Memory, Seen
 from chairward_stereo_range.odometry import FloorOdometry
+from chairward_stereo_range.region import Bools
 
 DROP_FARTHEST_MM = 2000.0
 """A drop farther than this is not reported: the floor's mirror images are too alike."""
