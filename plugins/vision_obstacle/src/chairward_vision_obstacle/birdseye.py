@@ -13,8 +13,10 @@ from chairward.stages import Image, StereoGeometry
 
 CELL_MM = 10.0
 LENGTH_MM = 600.0
-SURE = 0.08
-"""Phase correlation's response under which a shift is not believed."""
+SURE = 0.4
+"""Phase correlation's response under which a shift is not believed (textured floors: 0.5 to 0.9)."""
+TEXTURE = 1.0
+"""Grey levels of detail (15 to 50 mm) under which there is only noise to correlate."""
 
 Floats32 = npt.NDArray[np.float32]
 
@@ -69,7 +71,8 @@ class BirdsEye:
         """The floor's motion since the last call, None when it cannot be told (first picture, a plain floor)."""
         grey = cv2.cvtColor(above, cv2.COLOR_BGR2GRAY).astype(np.float32)
         last, self._last = self._last, np.asarray(grey, np.float32)
-        if last is None or float(grey.std()) < 2.0:
+        detail = cv2.GaussianBlur(grey, (0, 0), 1.5) - cv2.GaussianBlur(grey, (0, 0), 5)
+        if last is None or float(detail.std()) < TEXTURE:
             return None
         (right, down), response = cv2.phaseCorrelate(last, self._last, self._window)
         if response < SURE:

@@ -120,7 +120,8 @@ class LearnedVision:
         if not rows.size:
             return None
         forward_mm = self._above.near_mm + (thin.shape[0] - 1 - int(rows[-1])) * CELL_MM
-        return Sighting(forward_mm + self.ground.offset_mm, hidden=False, label="something thin on the floor")
+        cut = int(rows[-1]) >= thin.shape[0] - 2
+        return Sighting(forward_mm + self.ground.offset_mm, hidden=cut, label="something thin on the floor")
 
 
 def between(flat: Bools, raised: Bools) -> Bools:

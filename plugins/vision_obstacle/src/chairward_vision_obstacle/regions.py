@@ -21,14 +21,18 @@ Bools = npt.NDArray[np.bool_]
 
 MIN_SEEDS = 12
 MIN_PIXELS = 30
+LOW_MM = 60.0
+"""What is lower than this above the floor is floor to stereo: so far down a region is followed by its look alone."""
 FOOT_MM = 40.0
 """So wide must the foot of a thing be; narrower ones are left to stereo."""
-AGREE = 0.25
+NEARER, FARTHER = 0.75, 1.4
+"""So much nearer or farther than stereo's distance may the foot's be. Farther is common: what is low above the floor is
+still floor to stereo, and shoes look like shadows."""
 NEAR_QUANTILE = 0.15
 
 
 class Sighting(NamedTuple):
-    """Something ahead, mm from the footprint; hidden: its foot is below the picture, the distance is stereo's alone."""
+    """Something ahead, mm from the footprint; hidden: its foot is (partly) below the picture."""
 
     ahead_mm: float
     hidden: bool
@@ -70,26 +74,28 @@ def nearest(mask: Bools, cues: Cues, ground: Ground, half_width_mm: float) -> Si
         if label:
             region = labels == label
             distance = cues.depth_mm * ground.forward_ray + ground.offset_mm
-            sighting = _sighting(region, distance[seeds & region], ground)
+            sighting = _sighting(region, cues.unlike, distance[seeds & region], ground)
             if sighting is not None:
                 found.append(sighting)
     return min(found, default=None)
 
 
-def _sighting(region: Bools, stereo_mm: Floats, ground: Ground) -> Sighting | None:
+def _sighting(region: Bools, unlike: Bools, stereo_mm: Floats, ground: Ground) -> Sighting | None:
     """Where one region stands, if its foot and its disparities agree."""
     near_mm = float(np.quantile(stereo_mm, NEAR_QUANTILE))
     foot = _foot(region & ground.corridor, ground)
     if foot is None:
         return None
-    row, foot_mm = foot
+    low_rows = round(LOW_MM / _width_mm(foot[0], ground))
+    grown = cv2.dilate(region.astype(np.uint8), np.ones((low_rows + 1, 1), np.uint8), anchor=(0, low_rows)) > 0
+    row, foot_mm = _foot((region | (grown & unlike)) & ground.corridor, ground) or foot
     if row < ground.bottom - 2:
-        agree = abs(foot_mm - near_mm) <= AGREE * foot_mm
-        return Sighting(foot_mm, hidden=False) if agree else None
+        agree = NEARER * near_mm <= foot_mm <= FARTHER * near_mm
+        return Sighting(min(foot_mm, near_mm), hidden=False) if agree else None
     # The foot is below the picture: nearer than the nearest floor seen. Only what rises above the horizon can be
     # told from a stain that reaches down to the picture's edge.
     rises = bool(region[: ground.horizon_row].any())
-    if rises and near_mm <= ground.nearest_mm * (1 + AGREE):
+    if rises and near_mm <= ground.nearest_mm * FARTHER:
         return Sighting(min(near_mm, ground.nearest_mm), hidden=True)
     return None
 
@@ -99,9 +105,13 @@ def _foot(part: Bools, ground: Ground) -> tuple[int, float] | None:
     rows, columns = part.shape
     lowest = np.where(part.any(axis=0), rows - 1 - np.argmax(part[::-1], axis=0), -1)
     reach = np.cumsum(np.bincount(lowest[lowest >= 0], minlength=rows)[::-1])[::-1]
-    middle = columns // 2
     for row in range(rows - 1, ground.horizon_row, -1):
-        width_mm = abs(float(ground.left_mm[row, middle] - ground.left_mm[row, middle - 1]))
-        if reach[row] and reach[row] * width_mm >= FOOT_MM and reach[row] >= 3:
-            return row, float(ground.forward_mm[row, middle])
+        if reach[row] >= 3 and reach[row] * _width_mm(row, ground) >= FOOT_MM:
+            return row, float(ground.forward_mm[row, columns // 2])
     return None
+
+
+def _width_mm(row: int, ground: Ground) -> float:
+    """How much floor one pixel of a row shows from side to side."""
+    middle = ground.shape[1] // 2
+    return abs(float(ground.left_mm[row, middle] - ground.left_mm[row, middle - 1]))
