@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from rig import MS, Rig, alive, load, running
 
+pytestmark = pytest.mark.processes
 LANE_LIMIT_NS = {"front": 200 * MS, "voice": 300 * MS, "panel": 300 * MS}
 SLACK_NS = 30 * MS
 """What the guard may take beyond a lane's limit (issue: limit + 30 ms)."""

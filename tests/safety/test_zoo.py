@@ -10,6 +10,7 @@ import pytest
 from chairward_zoo import WAYS_TO_FAIL
 from rig import MS, Rig, load, running
 
+pytestmark = pytest.mark.processes
 LIMIT_NS = 200 * MS
 SLACK_NS = 30 * MS + 120 * MS
 """The issue's 30 ms, and room for a machine on which many test processes share two cores."""

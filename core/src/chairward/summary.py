@@ -65,6 +65,7 @@ class Summary:
     refused_count: dict[str, int] = field(default_factory=dict)
     seen: list[Seen] = field(default_factory=list)
     last: Decision = field(default_factory=Decision)
+    last_running: Decision = field(default_factory=Decision)
     _last_ns: int = 0
     _last_seq: dict[str, int] = field(default_factory=dict)
     _last_sent_ns: int = 0
@@ -94,6 +95,8 @@ class Summary:
             self.refused[source] = sentence
             self.refused_count[source] = self.refused_count.get(source, 0) + 1
         self.last = decision
+        if "supervisor" not in record.facts.lost:
+            self.last_running = decision
 
     def _timing(self, record: Record) -> None:
         if record.periodic:
@@ -154,6 +157,7 @@ class Summary:
             ],
             "commands_obeyed": sorted({h.wish.command.value for h in self.heard if h.obeyed}),
             "protective_stops": self.stops,
+            "reasons_at_end": [" ".join(filter(None, (r.rule, r.source, r.detail))) for r in self.last_running.reasons],
             "latched": self.latches,
             "nearest_while_driving_mm": self.nearest_mm,
             "over_caps": self.over_caps,

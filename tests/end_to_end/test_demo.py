@@ -1,0 +1,76 @@
+"""The demo: a chair obeys spoken words and stops by itself in front of things; nothing bypasses the real path."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from chairward.recording import read
+from chairward.replay import differences, read_plan
+
+pytestmark = [pytest.mark.processes, pytest.mark.timeout(240)]
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("demo") / "demo.mcap"
+
+
+@pytest.fixture(scope="module")
+def demo(command: Callable[..., Any], recording: Path) -> Any:
+    """One minute of it; its summary."""
+    ended = command("demo", "--headless", "--for", "60s", "--json", "--record", str(recording), timeout_s=200.0)
+    assert ended.code == 0, ended.err[-3000:]
+    return ended.json
+
+
+def story(demo: Any) -> str:
+    """For a failure: what happened."""
+    return json.dumps({k: v for k, v in demo.items() if k not in ("late_tick_log",)}, indent=1)[:6000]
+
+
+def test_at_least_six_different_commands_are_heard_and_obeyed(demo: Any) -> None:
+    assert len(demo["commands_obeyed"]) >= 6, story(demo)
+
+
+def test_it_stops_by_itself_before_a_wall_a_box_and_the_person(demo: Any) -> None:
+    assert len(demo["protective_stops"]) >= 3, story(demo)
+    things = {stop["thing"] for stop in demo["world"]["stopped_before"]}
+    assert any("wall" in thing for thing in things), story(demo)
+    assert any("box" in thing for thing in things), story(demo)
+    assert "person" in things, story(demo)
+
+
+def test_the_doorway_is_passed_without_a_stop(demo: Any) -> None:
+    passed = demo["world"]["doorways_passed"]
+    assert passed, story(demo)
+    assert passed[0]["stops"] == 0, story(demo)
+
+
+def test_its_own_motion_never_brings_it_nearer_than_450_mm_and_it_hits_nothing(demo: Any) -> None:
+    assert demo["world"]["nearest_ahead_mm"] >= 450, story(demo)
+    assert demo["world"]["collisions"] == [], story(demo)
+
+
+def test_no_cap_is_ever_exceeded(demo: Any) -> None:
+    assert demo["over_caps"] == 0
+
+
+def test_late_ticks_are_rare_and_each_is_logged(demo: Any) -> None:
+    assert demo["late_ticks"] <= max(3, demo["ticks"] * 0.001), story(demo)
+    assert len(demo["late_tick_log"]) == demo["late_ticks"]
+
+
+def test_every_decision_of_it_is_reproduced_from_the_recording(demo: Any, recording: Path) -> None:
+    results = list(differences(recording, read_plan(recording).limits))
+    assert demo["missed_records"] == 0
+    assert len(results) >= demo["ticks"]
+    assert [d.what for d in results if d is not None] == []
+
+
+def test_the_recording_holds_the_motor_controllers_answers(demo: Any, recording: Path) -> None:
+    assert max(record.facts.drive.speed_mm_s or 0.0 for record in read(recording)) > 300.0
