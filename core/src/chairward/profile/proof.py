@@ -75,10 +75,9 @@ def closest_mm(
     watchdog = stopping.watchdog_ms / 1000.0
     creep = min(rules.CREEP_MM_S, largest_speed_mm_s(rules.CREEP_ROOM_MM, reaction, decel_mm_s2))
     speed = float(limits.forward_mm_s)
-    full = limits.stop_mm + stopping_distance_mm(speed, reaction, decel_mm_s2) + stopping.sensor_error_mm
-    distance = min(float(stopping.sensor_range_mm), full)
+    distance = limits.stop_mm + stopping.sensor_error_mm + stopping_distance_mm(speed, reaction, decel_mm_s2)
     late = deque([distance] * ceil((reaction - watchdog) / STEP_S))
-    nearest = limits.stop_mm - stopping.sensor_error_mm - stopping_distance_mm(creep, reaction, decel_mm_s2)
+    nearest = distance
     if crawl:
         way = stopping_distance_mm(limits.crawl_mm_s, reaction, decel_mm_s2)
         nearest = min(nearest, limits.stop_mm - stopping.sensor_error_mm - way)
