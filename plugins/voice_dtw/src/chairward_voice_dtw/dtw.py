@@ -88,3 +88,83 @@ def distances(x: Floats, templates: Floats, lengths: Lengths, band: float = BAND
     out = np.empty(len(lengths))
     _all(x, templates, lengths, band, out)
     return out
+
+
+@jit
+def _nearest(x: Floats, templates: Floats, lengths: Lengths, out: npt.NDArray[np.float32]) -> None:
+    n, d = x.shape
+    for r in range(len(lengths)):
+        for i in range(n):
+            least = np.float32(np.inf)
+            for j in range(lengths[r]):
+                total = np.float32(0.0)
+                for k in range(d):
+                    step = x[i, k] - templates[r, j, k]
+                    total += step * step
+                least = min(least, total)
+            out[r, i] = np.sqrt(least)
+
+
+def nearest(x: Floats, templates: Floats, lengths: Lengths) -> npt.NDArray[np.float32]:
+    """Distance of each frame of x to its nearest frame of each template, in any order: r x n."""
+    out = np.empty((len(lengths), len(x)), np.float32)
+    if HAVE_NUMBA:
+        _nearest(x, templates, lengths, out)
+    else:
+        for row, t, k in zip(out, templates, lengths, strict=True):
+            squares = (x * x).sum(1)[:, None] + (t[:k] * t[:k]).sum(1)[None] - 2.0 * (x @ t[:k].T)
+            row[:] = np.sqrt(np.maximum(squares.min(axis=1), 0.0))
+    return out
+
+
+@jit
+def path_shape(x: Floats, y: Floats, band: float, window: int) -> tuple[float, float]:
+    """Of the best path: the mean local distance in its worst `window` frames of x, and its share of diagonal steps.
+
+    A word that shares half its sounds with another matches well in one half and badly in the other.
+    """
+    n, m, d = x.shape[0], y.shape[0], x.shape[1]
+    cost = np.zeros((n, m), np.float32)
+    total = np.full((n + 1, m + 1), np.inf, np.float32)
+    came = np.zeros((n + 1, m + 1), np.int8)
+    total[0, 0] = 0.0
+    reach = max(band * max(n, m), 2.0)
+    for i in range(n):
+        centre = (i + 0.5) * m / n
+        for j in range(max(0, int(centre - reach)), min(m, int(centre + reach) + 1)):
+            square = np.float32(0.0)
+            for k in range(d):
+                step = x[i, k] - y[j, k]
+                square += step * step
+            here = np.sqrt(square)
+            cost[i, j] = here
+            best, way = total[i, j] + np.float32(2.0) * here, 0
+            if total[i, j + 1] + here < best:
+                best, way = total[i, j + 1] + here, 1
+            if total[i + 1, j] + here < best:
+                best, way = total[i + 1, j] + here, 2
+            total[i + 1, j + 1] = best
+            came[i + 1, j + 1] = way
+    sums = np.zeros(n)
+    counts = np.zeros(n)
+    i, j, steps, straight = n, m, 0, 0
+    while i > 0 and j > 0:
+        sums[i - 1] += cost[i - 1, j - 1]
+        counts[i - 1] += 1.0
+        steps += 1
+        if came[i, j] == 0:
+            i -= 1
+            j -= 1
+            straight += 1
+        elif came[i, j] == 1:
+            i -= 1
+        else:
+            j -= 1
+    width = min(window, n)
+    worst = 0.0
+    for first in range(n - width + 1):
+        mean = 0.0
+        for at in range(first, first + width):
+            mean += sums[at] / max(counts[at], 1.0)
+        worst = max(worst, mean / width)
+    return worst, straight / max(steps, 1)

@@ -18,33 +18,46 @@ from chairward_voice_dtw.frontend import BANDS, POWER_FLOOR
 from chairward_voice_dtw.jit import jit
 
 DELAY = 12
-KEEP = 512
+KEEP = 1024
 
 # places in the state vector
 T, MODE, S1, S2, MU, VAR, PEAK, ACTIVE, START, COUNT, QUIET_FROM, VOICED, FRAMES = range(13)
 IDLE, WORD, TALK = 0.0, 1.0, 2.0
-NOTHING, BEGAN, PAUSED, ENDED, TOO_LONG = range(5)
+NOTHING, BEGAN, ENDED, TOO_LONG = range(4)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EndpointParameters:
     """Frames are 10 ms. on_db, on_sd: a word begins this far over silence. share: of the peak, for staying active.
-
-    pause: frames without activity at which an early decision may be tried; hang: at which the word has ended.
+    cap_db: but never more than this over silence. hang: frames without activity at which the word has ended.
     longest: frames after which sound is talk or noise, not a command word.
     """
 
     on_db: float = 2.5
     on_sd: float = 3.5
     share: float = 0.35
-    pause: int = 12
+    cap_db: float = 100.0
     hang: int = 20
     longest: int = 200
     pad: int = 12
 
     def vector(self) -> npt.NDArray[np.float64]:
         """As the compiled step takes them."""
-        return np.array([self.on_db, self.on_sd, self.share, self.pause, self.hang, self.longest])
+        return np.array([self.on_db, self.on_sd, self.share, self.hang, self.longest, self.cap_db])
+
+
+@jit
+def _first_active(past_s: npt.NDArray[np.float64], start: int, active: int, line: float, hang: int) -> int:
+    """Where the word began, now that its peak is known: back from its last active frame over gaps shorter than `hang`.
+
+    A rustle before the word, taken for its beginning at the time, falls away."""
+    first = active
+    t = active
+    while t >= start and first - t <= hang:
+        if past_s[t % past_s.shape[0]] > line:
+            first = t
+        t -= 1
+    return max(start, first - 1)
 
 
 @jit
@@ -64,6 +77,7 @@ def _advance(
         t = state[T]
         state[T] = t + 1
         slot = int(t) % past.shape[0]
+        here = int(t) % past_s.shape[0]
         raw = 0.0
         for b in range(bands):
             power = max(mel[i, b], POWER_FLOOR)
@@ -76,7 +90,7 @@ def _advance(
         s = (raw + state[S1] + state[S2]) / 3.0
         state[S2] = state[S1]
         state[S1] = raw
-        past_s[slot] = s
+        past_s[here] = s
         spread = np.sqrt(state[VAR])
         mu = state[MU]
 
@@ -91,7 +105,7 @@ def _advance(
                 x = past[at, b]
                 limit = noise[b] * 8.0
                 noise[b] += rate * (min(x, limit) - noise[b])
-            d = min(past_s[at], mu + 4.0 * max(spread, 1.0)) - mu
+            d = min(past_s[int(old) % past_s.shape[0]], mu + 4.0 * max(spread, 1.0)) - mu
             state[MU] = mu + rate * d
             state[VAR] += rate * (d * d - state[VAR])
         rise = max(p[0], p[1] * spread)
@@ -114,19 +128,21 @@ def _advance(
             state[PEAK] = max(state[PEAK], s)
             state[FRAMES] += 1
             state[VOICED] += voiced[i]
-            if s > mu + max(0.8 * rise, p[2] * (state[PEAK] - mu)):
+            line = mu + max(0.8 * rise, min(p[2] * (state[PEAK] - mu), p[5]))
+            if s > line:
                 state[ACTIVE] = t
             quiet = t - state[ACTIVE]
-            if quiet >= p[4]:
+            if quiet >= p[3]:
+                state[START] = _first_active(past_s, int(state[START]), int(state[ACTIVE]), line, int(p[3]))
                 state[MODE] = IDLE
                 state[QUIET_FROM] = state[ACTIVE] + 12
                 return i + 1, ENDED
-            if t - state[START] > p[5]:
+            if t - state[START] > p[4]:
+                state[START] = _first_active(past_s, int(state[START]), int(state[ACTIVE]), line, int(p[3]))
+            if t - state[START] > p[4]:
                 state[MODE] = TALK
                 state[QUIET_FROM] = t
                 return i + 1, TOO_LONG
-            if quiet >= p[3]:
-                return i + 1, PAUSED
         else:
             # talk or a new noise: idle again after 200 ms under the line
             if s > mu + rise:
@@ -139,7 +155,7 @@ def _advance(
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """frame: of the stream, at which it was known. kind: BEGAN, PAUSED, ENDED, TOO_LONG. first, last: active frames."""
+    """frame: of the stream, at which it was known. kind: BEGAN, ENDED, TOO_LONG. first, last: active frames."""
 
     kind: int
     frame: int
@@ -159,7 +175,7 @@ class Endpointer:
         self.state[VAR] = 1.0
         self.noise = np.full(BANDS, POWER_FLOOR)
         self._past = np.zeros((DELAY + 4, BANDS))
-        self._past_s = np.zeros(DELAY + 4)
+        self._past_s = np.zeros(KEEP)
 
     def advance(self, mel: Floats, voiced: npt.NDArray[np.uint8], begin: int) -> tuple[int, Event | None]:
         """Frames of `mel` from `begin` to the first event: (next frame to look at, the event or None at the end)."""

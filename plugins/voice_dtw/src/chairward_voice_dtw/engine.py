@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
 from chairward_voice_dtw.audio import RATE_HZ, Floats, Resampler
-from chairward_voice_dtw.endpoint import EndpointParameters
 from chairward_voice_dtw.frontend import HOP, WINDOW
 from chairward_voice_dtw.matcher import Matcher
-from chairward_voice_dtw.segmenter import Segment, Segmenter
+from chairward_voice_dtw.segmenter import LISTENERS, Segment, Segmenter
 from chairward_voice_dtw.templates import Template
 from chairward_voice_dtw.thesis import RECORDING, Mode, ThesisMatcher
 
@@ -80,11 +79,14 @@ class DtwEngine:
     def __init__(self, templates: Sequence[Template], thresholds: Thresholds, rate_hz: int) -> None:
         self._matcher = Matcher(templates)
         self._thresholds = thresholds
-        self._segmenter = Segmenter(rate_hz, EndpointParameters(longest=max(150, int(1.6 * self._matcher.longest))))
+        longest = max(150, int(1.6 * self._matcher.longest))
+        self._segmenter = Segmenter(rate_hz, tuple(replace(p, longest=longest) for p in LISTENERS))
+        self._taken_until = -1
+        self._taken_word = ""
 
     def push(self, samples: Floats) -> list[Heard]:
         """Everything that these samples decide."""
-        return [self._heard(s) for s in self._segmenter.push(samples) if s.final or s.too_long]
+        return [self._heard(s) for s in self._segmenter.push(samples)]
 
     def _heard(self, segment: Segment) -> Heard:
         if segment.too_long:
@@ -97,14 +99,23 @@ class DtwEngine:
                 decided_s=frame_end_s(segment.decided),
             )
         verdict = self._matcher.judge(segment)
+        accepted = verdict.score >= self._thresholds.of(verdict.word) and not self._taken(segment, verdict.word)
+        if accepted:
+            self._taken_until, self._taken_word = segment.decided, verdict.word
         return Heard(
             word=verdict.word,
             score=verdict.score,
-            accepted=verdict.score >= self._thresholds.of(verdict.word),
+            accepted=accepted,
             onset_s=segment.first * HOP / RATE_HZ,
             end_s=frame_end_s(segment.last),
             decided_s=frame_end_s(segment.decided),
         )
+
+    def _taken(self, segment: Segment, word: str) -> bool:
+        """This sound has already given a word (by another listener); only a stop may still come out of it."""
+        if segment.first > self._taken_until:
+            return False
+        return word not in self._thresholds.stop_words or word == self._taken_word
 
     @property
     def noise_power(self) -> float:
@@ -130,7 +141,7 @@ class ThesisEngine:
     def __init__(self, recordings: Mapping[str, Floats], stop_word: str, mode: Mode, rate_hz: int) -> None:
         self._matcher = ThesisMatcher(dict(recordings), stop_word, mode)
         self._resampler = Resampler(rate_hz)
-        self._segmenter = Segmenter(RATE_HZ)
+        self._segmenter = Segmenter(RATE_HZ, (LISTENERS[0],))
         self._sound = np.zeros(0, np.float32)
         self._sound_from = 0
         self._busy_until = 0
@@ -139,8 +150,7 @@ class ThesisEngine:
         """Everything that these samples decide."""
         fresh = self._resampler.push(samples)
         self._sound = np.concatenate([self._sound, fresh])
-        for _ in self._segmenter.push(fresh):
-            pass
+        self._segmenter.push(fresh)
         heard: list[Heard] = []
         while self._segmenter.onsets:
             begin = max(0, self._segmenter.onsets[0] * HOP - self.LEAD)

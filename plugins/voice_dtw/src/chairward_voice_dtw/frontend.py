@@ -96,23 +96,85 @@ def _cosines() -> Floats:
     return np.asarray(basis * lifter, np.float32)
 
 
-def derivatives(x: Floats) -> Floats:
-    """Slope over five frames, edges repeated."""
-    p = np.concatenate([x[:1], x[:1], x, x[-1:], x[-1:]])
-    return np.asarray((2.0 * (p[4:] - p[:-4]) + (p[3:-1] - p[1:-3])) / 10.0, np.float32)
+FLOOR = 10.0 ** (-15.0 / 10.0)
+DELTA_WEIGHT = 1.5
 
 
-def features(mel: Floats, *, floor_db: float = 15.0, delta_weight: float = 1.5) -> Floats:
-    """Mel power frames of one word (n x BANDS) to n x DIMENSIONS float32.
+@jit
+def _features_into(mel: Floats, gain: float, noise: Floats, cosines: Floats, out: Floats) -> None:
+    """Features of gain * mel + noise; see `features`."""
+    n, bands, cepstra = mel.shape[0], mel.shape[1], cosines.shape[1]
+    mean = 0.0
+    for t in range(n):
+        for b in range(bands):
+            mean += gain * mel[t, b] + noise[b]
+    lift = FLOOR * mean / (n * bands) + 1e-10
+    logs = np.empty(bands, np.float32)
+    for t in range(n):
+        for b in range(bands):
+            logs[b] = np.log(gain * mel[t, b] + noise[b] + lift)
+        for c in range(cepstra):
+            total = np.float32(0.0)
+            for b in range(bands):
+                total += logs[b] * cosines[b, c]
+            out[t, c] = total
+    spreads = np.empty(cepstra)
+    overall = 0.0
+    for c in range(cepstra):
+        average = 0.0
+        for t in range(n):
+            average += out[t, c]
+        average /= n
+        square = 0.0
+        for t in range(n):
+            out[t, c] -= average
+            square += out[t, c] * out[t, c]
+        spreads[c] = np.sqrt(square / n)
+        overall += square
+    overall = np.sqrt(overall / (n * cepstra))
+    for c in range(cepstra):
+        scale = 1.0 / (spreads[c] + 0.1 * overall + 1e-3)
+        for t in range(n):
+            out[t, c] *= scale
+    for t in range(n):
+        before2, before1, after1, after2 = max(t - 2, 0), max(t - 1, 0), min(t + 1, n - 1), min(t + 2, n - 1)
+        for c in range(cepstra):
+            slope = 2.0 * (out[after2, c] - out[before2, c]) + out[after1, c] - out[before1, c]
+            out[t, cepstra + c] = DELTA_WEIGHT * slope / 10.0
 
-    A floor `floor_db` under the word's mean power keeps the valleys of the spectrum, which noise fills, from counting.
+
+def features(mel: Floats, *, gain: float = 1.0, noise: Floats | None = None) -> Floats:
+    """Mel power frames of one word (n x BANDS) to n x DIMENSIONS float32, of gain * mel + noise.
+
+    Log mel power over a floor 15 dB under the word's mean (so that the valleys of the spectrum, which noise fills, do
+    not count), cepstra, mean and variance normalised over the word, and slopes over five frames (edges repeated).
     """
-    raised = mel + mel.mean() * np.float32(10.0 ** (-floor_db / 10.0)) + np.float32(1e-10)
-    cepstra = np.log(raised) @ _cosines()
-    cepstra = cepstra - cepstra.mean(axis=0)
-    spread = cepstra.std(axis=0)
-    cepstra = cepstra / (spread + 0.1 * cepstra.std() + 1e-3)
-    return np.ascontiguousarray(np.concatenate([cepstra, delta_weight * derivatives(cepstra)], axis=1), np.float32)
+    out = np.empty((len(mel), DIMENSIONS), np.float32)
+    _features_into(mel, gain, np.zeros(BANDS, np.float32) if noise is None else noise, _cosines(), out)
+    return out
+
+
+@jit
+def _move_all(
+    clean: Floats,
+    lengths: npt.NDArray[np.int64],
+    gains: npt.NDArray[np.float64],
+    noise: Floats,
+    cosines: Floats,
+    out: Floats,
+) -> None:
+    for r in range(len(lengths)):
+        n = lengths[r]
+        _features_into(clean[r, :n], gains[r], noise, cosines, out[r, :n])
+
+
+def moved_features(
+    clean: Floats, lengths: npt.NDArray[np.int64], gains: npt.NDArray[np.float64], noise: Floats
+) -> Floats:
+    """Features of packed templates (r x longest x BANDS) at a level and in a room: r x longest x DIMENSIONS."""
+    out = np.zeros((*clean.shape[:2], DIMENSIONS), np.float32)
+    _move_all(clean, lengths, gains, noise, _cosines(), out)
+    return out
 
 
 def subtract(mel: Floats, noise: Floats, *, factor: float = 1.5, keep: float = 0.05) -> Floats:

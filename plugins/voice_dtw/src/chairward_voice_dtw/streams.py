@@ -74,10 +74,11 @@ def active_rms(samples: Floats) -> float:
 
 
 def word_bounds(samples: Floats) -> tuple[int, int]:
-    """First and one past the last sample of the word in a clean recording: frames within 30 dB of the loudest (95th
-    percentile) and 6 dB over the recording's own quietest tenth, at least 3 in a row."""
+    """First and one past the last sample of the word in a clean recording: frames within 30 dB of the loudest, or
+    within three quarters of the way to the quietest where that is less, at least 3 in a row."""
     level = 20.0 * np.log10(np.convolve(frame_rms(samples), np.ones(3) / 3.0, mode="same") + 1e-9)
-    line = max(np.percentile(level, 95) - 30.0, min(np.percentile(level, 10) + 6.0, np.percentile(level, 95) - 12.0))
+    top, bottom = np.percentile(level, 97), np.percentile(level, 5)
+    line = top - min(30.0, 0.75 * (top - bottom))
     loud = level > line
     solid = loud.copy()
     solid[1:-1] &= loud[:-2] & loud[2:]

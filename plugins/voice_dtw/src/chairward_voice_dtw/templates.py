@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from chairward_voice_dtw.audio import Floats, SoundError, read_wav
-from chairward_voice_dtw.segmenter import Segment, Segmenter
+from chairward_voice_dtw.segmenter import LISTENERS, Segment, Segmenter
 from chairward_voice_dtw.streams import STREAM_HZ, active_rms, read_manifest, room_tone
 
 
@@ -29,7 +29,8 @@ def cut_out(samples: Floats) -> Segment | None:
     rng = np.random.default_rng(1)
     samples = samples * np.float32(10.0 ** (-26.0 / 20.0) / active_rms(samples))
     before, after = (room_tone(samples, n, rng) for n in (2 * STREAM_HZ, STREAM_HZ))
-    found = [s for s in Segmenter(STREAM_HZ).push(np.concatenate([before, samples, after])) if s.final]
+    segmenter = Segmenter(STREAM_HZ, (LISTENERS[0],))
+    found = [s for s in segmenter.push(np.concatenate([before, samples, after])) if not s.too_long]
     return max(found, key=lambda s: s.peak_db * (s.last - s.first), default=None)
 
 

@@ -1,0 +1,62 @@
+"""The statistics of the reports, and a floor under the accuracy on real recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from chairward_voice_dtw import calibration, figures
+from chairward_voice_dtw.evaluate import Plan, correct, trials
+from chairward_voice_dtw.streams import STREAM_HZ, Row, embed, word_bounds
+
+
+def test_shares_carry_wilson_bounds() -> None:
+    assert figures.share(0, 0)["pct"] is None
+    found = figures.share(90, 100)
+    assert (found["pct"], found["low"], found["high"]) == (90.0, 82.56, 94.48)
+
+
+def test_rates_carry_exact_poisson_bounds() -> None:
+    assert figures.rate_per_hour(0, 3.0) == {"per_hour": 0.0, "n": 0, "low": 0.0, "high": 1.23}
+    assert figures.rate_per_hour(10, 2.0)["low"] == 2.4
+
+
+def test_equal_error_rate_of_known_answers() -> None:
+    assert figures.equal_error_rate_pct([2.0, 3.0], [0.0, 1.0]) == 0.0
+    assert figures.equal_error_rate_pct([0.0, 1.0], [0.0, 1.0]) == 50.0
+    assert figures.accepted_at([1.0] * 95 + [0.0] * 5, [0.5, 1.5], 0.95)["pct"] == 50.0
+
+
+def test_the_fit_finds_known_weights() -> None:
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=(20_000, 3))
+    odds = x @ [2.0, -1.0, 0.0] + 0.5
+    said = rng.random(len(x)) < 1.0 / (1.0 + np.exp(-odds))
+    weights, bias = calibration.fit(x, said, ridge=1e-6)
+    np.testing.assert_allclose([*weights, bias], [2.0, -1.0, 0.0, 0.5], atol=0.1)
+
+
+def test_embedded_words_are_where_the_truth_says(speak) -> None:  # type: ignore[no-untyped-def]
+    clips = [(Row(Path("x"), word, "anna", "test", "made"), speak(word, 1)) for word in ("left", "stop")]
+    stream = embed(clips, [], None, np.random.default_rng(3))
+    for placed in stream.placed:
+        inside = stream.samples[int(placed.onset_s * STREAM_HZ) : int(placed.end_s * STREAM_HZ)]
+        before = stream.samples[int(placed.onset_s * STREAM_HZ) - 4000 : int(placed.onset_s * STREAM_HZ) - 400]
+        assert np.sqrt(np.mean(inside**2)) > 20 * np.sqrt(np.mean(before**2))
+    first, last = word_bounds(clips[0][1])
+    assert first / STREAM_HZ == pytest.approx(0.2, abs=0.04)
+    assert (len(clips[0][1]) - last) / STREAM_HZ == pytest.approx(0.2, abs=0.04)
+
+
+@pytest.mark.needs_shared
+def test_real_words_are_heard_and_strange_ones_mostly_not(shared_data: Path) -> None:
+    manifest = shared_data / "voice" / "manifest.csv"
+    if not manifest.is_file():
+        pytest.skip("needs ../shared/data/voice/manifest.csv")
+    found = [t for s in ("asc_00000006", "asc_00000008") for t in trials(Plan(manifest=manifest), s, 20.0, 0)]
+    known = [t for t in found if t.placed.role == "test"]
+    strange = [t for t in found if t.placed.role == "unknown"]
+    assert np.mean([correct(t) for t in known]) >= 0.85
+    assert np.mean([any(h.accepted for h in t.heard) for t in strange]) <= 0.3
