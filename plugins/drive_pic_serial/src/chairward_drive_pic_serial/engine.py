@@ -19,6 +19,9 @@ class Engine(Protocol):
     def advance(self, microseconds: float) -> None:
         """Let time pass."""
 
+    def line_clear_s(self) -> float:
+        """Until something on the line comes to its end, as far as the engine knows; at least how soon to look again."""
+
     def pins(self) -> Pins:
         """The pins now."""
 

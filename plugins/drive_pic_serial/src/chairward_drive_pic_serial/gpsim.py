@@ -129,6 +129,10 @@ class Gpsim:
         self._state = _value(ran, rb"state")
         self._fault = _value(ran, rb"fault")
 
+    def line_clear_s(self) -> float:
+        """Not told: look every millisecond."""
+        return 0.001
+
     def pins(self) -> Pins:
         """Ports and PWM registers as pins."""
         d = self._portd

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from math import inf
 from typing import NamedTuple
 
 from fastcrc import crc16
@@ -169,6 +170,15 @@ class FirmwareModel:
                 self._tick() if self._booted else self._boot()
             self._pump()
         self.now = end
+
+    def line_clear_s(self) -> float:
+        """Until the last byte on its way in has arrived, else out; infinity on a quiet line. When to look again."""
+        if self._rx:
+            return (self._rx_free - self.now) / CYCLES_PER_US / 1e6
+        if self._shift is None:
+            return inf
+        waiting = len(self._ring) + (self._hold is not None)
+        return (self._shift_end - self.now + waiting * TX_BYTE_CYCLES) / CYCLES_PER_US / 1e6
 
     def pins(self) -> Pins:
         """The pins now; all safe until the reset is over."""

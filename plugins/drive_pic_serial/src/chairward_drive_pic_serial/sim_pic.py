@@ -106,7 +106,7 @@ class SimPic:
             ready()
             then_ns = time.monotonic_ns()
             while not stopping():
-                readable, _, _ = select.select([pty.fd], [], [], WAKE_S)
+                readable, _, _ = select.select([pty.fd], [], [], max(0.0, min(WAKE_S, engine.line_clear_s())))
                 now_ns = time.monotonic_ns()
                 then_ns = _pace(engine, then_ns, now_ns)
                 if readable:
