@@ -166,8 +166,10 @@ class RangeFinder:
         drop = self._drops.edge_mm(floor, below) if self._drops is not None else None
         third = d.shape[1] // 3
         low_enough = above & self.region.passable(depth)
-        left = self._spot(full, low_enough & _columns(d.shape, 0, third), match.sharp)
-        right = self._spot(full, low_enough & _columns(d.shape, d.shape[1] - third, d.shape[1]), match.sharp)
+        left = self._spot(full, low_enough & _columns(d.shape, 0, third), match.sharp, rough=True)
+        right = self._spot(
+            full, low_enough & _columns(d.shape, d.shape[1] - third, d.shape[1]), match.sharp, rough=True
+        )
         sides_seen = (_share_known(known[:, :third]), _share_known(known[:, d.shape[1] - third :]))
         coverage = float((known & region).sum()) / max(1, int(region.sum()))
         ceiling = np.inf if ahead is None else RELIEF * v.fb / ahead.depth_mm + 1.5 * self.scale
@@ -215,9 +217,9 @@ class RangeFinder:
         out[self.top : self.bottom, : 2 * grid.shape[1]] = np.repeat(np.repeat(grid, 2, axis=0), 2, axis=1)
         return out
 
-    def _spot(self, full: Floats, candidates: Bools, sharp: Bools) -> Spot | None:
+    def _spot(self, full: Floats, candidates: Bools, sharp: Bools, rough: bool = False) -> Spot | None:
         v = self.view
-        found = nearest(full, candidates, sharp, self._forward, v.geometry.baseline_mm, self.scale)
+        found = nearest(full, candidates, sharp, self._forward, v.geometry.baseline_mm, self.scale, rough)
         if found is None:
             return None
         rows, cols = found.rows * 2 + self.top, found.cols * 2

@@ -47,6 +47,7 @@ def nearest(
     forward: Floats,
     baseline_mm: float,
     scale: float,
+    rough: bool = False,
 ) -> Nearest | None:
     """The nearest group of candidates that is large enough to be a thing; None when there is none.
 
@@ -54,6 +55,7 @@ def nearest(
     are preferred where there are enough. forward: rays (geometry.py), by which an upright thing has one distance
     though a tilted camera sees it at many depths. scale: rows / 240. From near to far, the first window of 2.5 px that
     holds as many pixels as a 35 x 35 mm patch would; from its peak on, what is little nearer belongs to it.
+    rough: without the smoothing, where a centimetre or two do not matter.
     """
     values = disparity[candidates]
     least = MIN_PIXELS * scale * scale / 4
@@ -71,6 +73,8 @@ def nearest(
         i -= 1
     slack = 1.5 * scale
     member = candidates & (disparity >= centre[i] - slack) & (disparity <= RELIEF * centre[i] + slack)
+    if rough:
+        return _measured(disparity, member, forward)
     need = max(least, MIN_AREA_MM2 / 4 * (centre[i] / baseline_mm) ** 2)
     whole = without_specks(np.where(member, disparity, np.nan).astype(np.float32), int(need), 1.0 * scale)
     if np.isfinite(whole).any():
@@ -78,15 +82,25 @@ def nearest(
     if int((member & sharp).sum()) >= need / 2:
         member &= sharp
     smooth = _smoothed(disparity, member)
-    rows, cols = np.nonzero(np.isfinite(smooth))
-    if rows.size < least / 2:
-        rows, cols = np.nonzero(member)
+    if int(np.isfinite(smooth).sum()) < least / 2:
         smooth = disparity
-    inverse = smooth[rows, cols] / forward[rows, cols]
-    chosen = float(np.quantile(inverse, QUANTILE))
-    depth = 1.0 / (chosen * float(np.quantile(forward[rows, cols], NEAR_RAY)))
+    return _measured(smooth, np.isfinite(smooth) & member, forward)
+
+
+def _measured(disparity: Floats, member: npt.NDArray[np.bool_], forward: Floats) -> Nearest:
+    rows, cols = np.nonzero(member)
+    ray = forward[rows, cols]
+    inverse = disparity[rows, cols] / ray
+    chosen = _quantile(inverse, QUANTILE)
+    depth = 1.0 / (chosen * _quantile(ray, NEAR_RAY))
     at = np.nonzero(inverse >= chosen)[0]
-    return Nearest(1.0 / chosen, depth, 4 * int(member.sum()), rows[at], cols[at])
+    return Nearest(1.0 / chosen, depth, 4 * rows.size, rows[at], cols[at])
+
+
+def _quantile(values: Floats, q: float) -> float:
+    """The order statistic: ten times faster than numpy's interpolated one."""
+    at = int(q * (values.size - 1))
+    return float(np.partition(values, at)[at])
 
 
 def _smoothed(disparity: Floats, member: npt.NDArray[np.bool_]) -> Floats:

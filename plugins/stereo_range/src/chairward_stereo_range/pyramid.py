@@ -50,7 +50,8 @@ class Pyramid:
     def __init__(self, first: int, count: int, scale: float, fine: tuple[int, int]) -> None:
         half_count = max(16, int(np.ceil(count / 2 / 16)) * 16)
         self._coarse: Matcher = semi_global_matcher(first // 2, half_count, "sgbm_3way")
-        self._fine: Matcher = block_matcher(first, count, block=9)
+        self._first, self._count = first, count
+        self._fine = {n: block_matcher(first, n, block=9) for n in range(16, count + 1, 16)}
         self._scale = scale
         self._rows = (fine[0] // 2 * 2, fine[1] // 2 * 2)
 
@@ -63,7 +64,7 @@ class Pyramid:
         proposal = without_specks(np.where(texture, raw, np.nan), round(SPECK_PIXELS * self._scale**2), 1.0)
         fused = np.where(np.isfinite(proposal), proposal, bridged(raw, proposal, BRIDGE_PX / 2)) * np.float32(2.0)
         top, end = self._rows
-        blocks = self._fine(left[top:end], right[top:end])
+        blocks = self._fine[self._needed(proposal)](left[top:end], right[top:end])
         around = np.repeat(np.repeat(fused[top // 2 : end // 2], 2, axis=0), 2, axis=1)
         with np.errstate(invalid="ignore"):
             blocks[~(np.abs(blocks - around) <= AGREE_PX * self._scale)] = np.nan
@@ -76,6 +77,16 @@ class Pyramid:
         sharp[top // 2 : end // 2] = np.isfinite(confirmed)
         return Match(fused.astype(np.float32), texture, sharp, precise, sigma, small_left)
 
+    def _needed(self, proposal: Floats) -> int:
+        """How many disparities the blocks must search to reach all that is proposed: most rooms are empty nearby."""
+        known = proposal[np.isfinite(proposal)]
+        if known.size == 0:
+            return 16
+        reach = (
+            2.0 * float(np.partition(known, -1 - known.size // 1000)[-1 - known.size // 1000]) + AGREE_PX * self._scale
+        )
+        return min(self._count, max(16, int(np.ceil((reach + 1 - self._first) / 16)) * 16))
+
 
 def half_size(image: Image) -> Image:
     """Half the size after a 5-tap Gaussian: the pixel (i, j) lies at (2i, 2j) of the full picture."""
@@ -84,12 +95,12 @@ def half_size(image: Image) -> Image:
 
 def mean_of_four(values: Floats) -> Floats:
     """Mean of the known ones of each 2x2 block; NaN where none is known."""
+    cv2 = opencv()
     known = np.isfinite(values)
-    total = np.where(known, values, 0.0).astype(np.float32)
-    h, w = values.shape
-    sums = total.reshape(h // 2, 2, w // 2, 2).sum(axis=(1, 3))
-    counts = known.reshape(h // 2, 2, w // 2, 2).sum(axis=(1, 3))
-    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan).astype(np.float32)
+    size = (values.shape[1] // 2, values.shape[0] // 2)
+    share = cv2.resize(known.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    total = cv2.resize(np.where(known, values, np.float32(0.0)), size, interpolation=cv2.INTER_AREA)
+    return np.where(share > 0, total / np.maximum(share, np.float32(0.25)), np.float32(np.nan)).astype(np.float32)
 
 
 def bridged(raw: Floats, trusted: Floats, tolerance: float) -> Floats:
