@@ -14,7 +14,7 @@ from chairward.rules import avoid, freer_side
 from chairward.scene import look
 from chairward.testing.ride import AHEAD_AND_SIDES, FRONT, START_NS, Ride, chair_limits, driving, healthy, readings
 
-LIMITS = chair_limits(steer_deg_s=8.0)
+LIMITS = chair_limits(steer_deg_s=8.0, reaction_s=0.3)
 SECOND = "second/range"
 TWO = replace(LIMITS, sensors={**LIMITS.sensors, SECOND: SourceLimits(freshness_ns=200 * MS, covers=AHEAD_AND_SIDES)})
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from chairward.stopping import decel_on_slope_mm_s2, largest_speed_mm_s, stopping_distance_mm
+from chairward.stopping import approach_speed_mm_s, decel_on_slope_mm_s2, largest_speed_mm_s, stopping_distance_mm
 
 SPEED, REACTION, DECEL = st.floats(1.0, 3_000.0), st.floats(0.0, 3.0), st.floats(50.0, 5_000.0)
 
@@ -51,3 +51,34 @@ def test_a_slope_takes_its_part_of_the_brake_and_a_steep_one_all() -> None:
     assert decel_on_slope_mm_s2(1_000.0, 0.0) == 1_000.0
     assert decel_on_slope_mm_s2(1_000.0, 5.0) == pytest.approx(509.7, abs=0.1)
     assert decel_on_slope_mm_s2(1_000.0, 12.0) < 0.0
+
+
+def nearest_when_following_the_curve(room: float, closing: float, reaction_s: float, decel: float) -> float:
+    """The slow reference: a chair at the speed for where it was reaction_s ago, braking no harder than decel."""
+    dt, speed = 1e-3, approach_speed_mm_s(room, closing, reaction_s, decel)
+    past = [room + speed * dt * n + closing * dt * n for n in range(int(reaction_s / dt), -1, -1)]
+    while speed > 1.0 and room > -1_000.0:
+        wanted = approach_speed_mm_s(past.pop(0), closing, reaction_s, decel)
+        speed = max(wanted, speed - decel * dt) if wanted < speed else speed
+        room -= (speed + closing) * dt
+        past.append(room)
+    return room
+
+
+@pytest.mark.parametrize("closing", [0.0, 300.0, 1_400.0])
+@pytest.mark.parametrize(("reaction", "decel"), [(0.3, 1_000.0), (0.45, 600.0), (0.8, 400.0), (0.6, 2_000.0)])
+def test_a_chair_that_follows_the_approach_speed_late_by_its_reaction_stands_before_the_room_is_used_up(
+    closing: float, reaction: float, decel: float
+) -> None:
+    for room in (300.0, 1_000.0, 3_000.0):
+        assert nearest_when_following_the_curve(room, closing, reaction, decel) >= -5.0
+
+
+@given(st.floats(0.0, 5_000.0), st.floats(0.0, 500.0), st.floats(0.0, 2_000.0), REACTION, DECEL)
+def test_more_room_never_lowers_and_a_faster_approach_never_raises_the_approach_speed(
+    room: float, more: float, closing: float, reaction: float, decel: float
+) -> None:
+    speed = approach_speed_mm_s(room, closing, reaction, decel)
+    assert speed <= approach_speed_mm_s(room + more, closing, reaction, decel) + 1e-9
+    assert speed >= approach_speed_mm_s(room, closing + more, reaction, decel) - 1e-9
+    assert 0.0 <= speed <= largest_speed_mm_s(room, reaction, decel) + 1e-9

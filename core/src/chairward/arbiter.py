@@ -114,12 +114,13 @@ def confirm(state: State, facts: Facts, votes: list[Envelope]) -> tuple[State, b
     """RESET and ARM: the state after them, whether the controller is to be armed, and why one was refused.
 
     RESET acknowledges a fault, and that nothing is where rule 6 remembers something. ARM needs that, and lifts the
-    latch. Both need a standstill, a linked controller and every vote fresh; a STOP in the same drain undoes them.
+    latch. Both need a standstill, a linked controller and every vote fresh; a STOP in the same drain, spoken or
+    pressed, beats them.
     They act after the votes, and a latched chair has no wish: arming itself never moves the chair.
     """
     arm, refusals = False, []
     buttons = [pressed.button for pressed in facts.pressed]
-    if Button.STOP in buttons:
+    if Button.STOP in buttons or any(wish.command is Command.STOP for wish in facts.heard):
         return state, False, ()
     for button in buttons:
         if button not in (Button.RESET, Button.ARM):

@@ -15,7 +15,7 @@ from chairward.envelope import CLOSED, OPEN, Caps, Envelope, Grip
 from chairward.facts import MS, Limits
 from chairward.messages import Way
 from chairward.scene import WAYS, WINDOW, Scene, Seen, lane
-from chairward.stopping import largest_speed_mm_s, stopping_distance_mm
+from chairward.stopping import approach_speed_mm_s, largest_speed_mm_s, stopping_distance_mm
 
 FUTURE_LIMIT_NS = 5 * MS
 CREEP_MM_S = 60.0
@@ -113,37 +113,33 @@ def stop_distance(scene: Scene) -> Votes:
 
 # 3 -----------------------------------------------------------------------------------------------------------------
 def approach_speed(scene: Scene) -> Votes:
-    """Only as fast as the chair can still stop *before stop_mm*, all delays included.
+    """Only as fast as the chair can still stop *before stop_mm*, all delays and the other's approach included.
 
-    room = nearest - stop_mm - closing speed * reaction; v such that v t + v^2 / 2a = room (`stopping`). That curve
-    never arrives (the speed falls with the room), so as long as there is room the chair may creep at a speed whose
-    own stopping distance is within CREEP_ROOM_MM: the stop is reached, and declared, in bounded time. A chair that is
-    (reported or commanded, the larger) too fast to stop in the room even by braking at once has to stop.
-    Source: thesis wish "threshold follows the speed"; peers.md lesson 2; DESIGN rule 3.
+    The curve (`stopping.approach_speed_mm_s`) never arrives, for the speed falls with the room; so towards what stands
+    the chair may creep, while there is room, at a speed whose own stopping distance is within CREEP_ROOM_MM: the stop
+    is reached, and declared, in bounded time. A chair that reports to be too fast to stop in the room even by braking
+    at once has to stop. Source: thesis wish "threshold follows the speed"; peers.md lesson 2; DESIGN rule 3.
     """
-    facts, state, limits, seen = scene
-    t, a, caps = limits.reaction_s, limits.decel_mm_s2, limits.caps
-    reported, commanded = facts.drive.speed_mm_s or 0.0, state.output.drive_mm_s
-    ahead, behind = max(reported, commanded), max(-reported, -commanded)
-    ahead_mm = max(stopping_distance_mm(caps.forward_mm_s, t, a), stopping_distance_mm(ahead, 0.0, a))
-    behind_mm = max(stopping_distance_mm(caps.backward_mm_s, t, a), stopping_distance_mm(behind, 0.0, a))
+    facts, _, limits, seen = scene
+    speed = facts.drive.speed_mm_s or 0.0
     for s in seen:
-        room = s.ahead_mm - limits.stop_mm - s.closing_mm_s * t
-        if room < ahead_mm:
-            cap = approach_mm_s(room, ahead, t, a)
-            yield Envelope(Caps(cap, inf, inf, inf), "approach_speed", s.source, f"{s.ahead_mm:.0f} mm ahead")
-        room = s.behind_mm - limits.stop_mm
-        if room < behind_mm:
-            cap = approach_mm_s(room, behind, t, a)
-            yield Envelope(Caps(inf, cap, inf, inf), "approach_speed", s.source, f"{s.behind_mm:.0f} mm behind")
+        if s.ahead_mm < inf:
+            cap = _approach_mm_s(s.ahead_mm - limits.stop_mm, speed, s.closing_mm_s, limits)
+            if cap < limits.caps.forward_mm_s:
+                yield Envelope(Caps(cap, inf, inf, inf), "approach_speed", s.source, f"{s.ahead_mm:.0f} mm ahead")
+        if s.behind_mm < inf:
+            cap = _approach_mm_s(s.behind_mm - limits.stop_mm, -speed, 0.0, limits)
+            if cap < limits.caps.backward_mm_s:
+                yield Envelope(Caps(inf, cap, inf, inf), "approach_speed", s.source, f"{s.behind_mm:.0f} mm behind")
 
 
-def approach_mm_s(room_mm: float, speed_mm_s: float, reaction_s: float, decel_mm_s2: float) -> float:
-    """The speed allowed with so much room, for a chair that moves towards it at speed_mm_s now."""
-    creep = min(CREEP_MM_S, largest_speed_mm_s(CREEP_ROOM_MM, reaction_s, decel_mm_s2))
-    if room_mm <= 0.0 or (speed_mm_s > creep and stopping_distance_mm(speed_mm_s, 0.0, decel_mm_s2) > room_mm):
+def _approach_mm_s(room_mm: float, speed_mm_s: float, closing_mm_s: float, limits: Limits) -> float:
+    """The speed allowed towards something room_mm beyond stop_mm, for a chair that reports speed_mm_s towards it."""
+    t, a = limits.reaction_s, limits.decel_mm_s2
+    creep = 0.0 if closing_mm_s else min(CREEP_MM_S, largest_speed_mm_s(CREEP_ROOM_MM, t, a))
+    if room_mm <= 0.0 or (speed_mm_s > CREEP_MM_S and stopping_distance_mm(speed_mm_s, 0.0, a) > room_mm):
         return 0.0
-    return max(creep, largest_speed_mm_s(room_mm, reaction_s, decel_mm_s2))
+    return max(creep, approach_speed_mm_s(room_mm, closing_mm_s, t, a))
 
 
 # 4 -----------------------------------------------------------------------------------------------------------------

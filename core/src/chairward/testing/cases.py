@@ -92,8 +92,8 @@ def some_facts(rng: Random, limits: Limits, now_ns: int, *, trouble: float = 0.3
             linked=well(),
             armed=well(),
             fault="" if well() else "overheated",
-            speed_mm_s=rng.choice((None, None, 0.0, 180.0, 500.0, -150.0)),
-            turn_deg_s=rng.choice((None, None, 0.0, 20.0)),
+            speed_mm_s=rng.choice((None, 0.0, 180.0, 500.0, -150.0)) if rng.random() < trouble else None,
+            turn_deg_s=rng.choice((None, 0.0, 20.0)),
             stopped_by_user=not well(),
             charging=not well(),
         ),
@@ -113,8 +113,9 @@ def some_wish(rng: Random, now_ns: int, seq: int = 1) -> Wish:
 
 def some_state(rng: Random, limits: Limits, now_ns: int) -> State:
     """A state that decisions can lead to: mostly armed and driving."""
-    latch = rng.choice(("", "", "", "", NOT_ARMED, "a fault"))
-    wish = replace(some_wish(rng, now_ns), at_ns=now_ns - rng.choice((20, 100, 240, 7_900, 8_001)) * MS)
+    latch = rng.choice(("",) * 10 + (NOT_ARMED, "a fault"))
+    wish = some_wish(rng, now_ns)
+    wish = replace(wish, at_ns=now_ns - rng.choice((20, 60, 100, 240, 251 if wish.held else 7_900, 8_001)) * MS)
     if latch or wish.command in (Command.STOP, Command.HELP) or wish.stick == (0.0, 0.0) or rng.random() < 0.1:
         return State(latch=latch, needs_reset=latch == "a fault", output_ns=now_ns - 20 * MS)
     arc = wish.command in (Command.LEFT, Command.RIGHT) and not wish.held and rng.random() < 0.5
@@ -134,8 +135,8 @@ def some_state(rng: Random, limits: Limits, now_ns: int) -> State:
 
 def some_heard(rng: Random, facts: Facts) -> Facts:
     """The facts with words and presses, sometimes."""
-    words = rng.choice((0, 0, 0, 1, 1, 2))
-    presses = rng.choice((0, 0, 0, 0, 1, 2))
+    words = rng.choice((0,) * 6 + (1, 1, 2))
+    presses = rng.choice((0,) * 8 + (1, 2))
     return replace(
         facts,
         heard=tuple(some_wish(rng, facts.now_ns, seq) for seq in range(words)),
@@ -230,7 +231,7 @@ SILENCE: dict[str, Worse] = {
 
 DOUBT: dict[str, Worse] = {
     "it cannot see": _each(lambda r: msgspec.structs.replace(r, can_see=False)),
-    "something comes closer": _each(lambda r: msgspec.structs.replace(r, closing_mm_s=r.closing_mm_s + 300)),
+    "something comes closer": _each(lambda r: msgspec.structs.replace(r, closing_mm_s=r.closing_mm_s + 2_000)),
     "something is nearer ahead": _nearer("ahead_mm"),
     "something is nearer behind": _nearer("behind_mm"),
     "something is nearer on the left": _nearer("left_mm"),

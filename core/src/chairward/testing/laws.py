@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from random import Random
 
+import msgspec
+
 from chairward.arbiter import decide
 from chairward.components import STILL, Motion
-from chairward.facts import MS, Decision, Facts, Limits, S, State
+from chairward.facts import MS, Decision, Facts, Limits, Pressed, S, State
 from chairward.messages import Button, Command, Way
 from chairward.testing import cases
-from chairward.testing.ride import START_NS
+from chairward.testing.ride import PANEL, START_NS
 
 TINY = 1e-9
 
@@ -205,3 +207,18 @@ def twin_rides(rng: Random, ticks: int) -> float:
         twins = [better_state, worse_state]
         way_mm += slower.motion.drive_mm_s * 0.02
     return way_mm
+
+
+def random_ride(rng: Random, ticks: int) -> None:
+    """Decision after decision in random trouble, with words, presses and the state that came of the last one."""
+    limits = cases.some_limits(rng)
+    state, now_ns, armed = State(), START_NS, False
+    for tick in range(ticks):
+        now_ns += rng.choice((1, 20, 20, 20, 300)) * MS
+        facts = cases.some_facts(rng, limits, now_ns, trouble=rng.choice((0.0, 0.0, 0.0, 0.2)))
+        facts = cases.some_heard(rng, facts)
+        if tick < 2:
+            facts = replace(facts, pressed=(Pressed(source=PANEL, button=Button.ARM, at_ns=now_ns),))
+        facts = replace(facts, drive=msgspec.structs.replace(facts.drive, armed=armed))
+        state, decision = judge(state, facts, limits)
+        armed = (armed or decision.arm) and not decision.disarm

@@ -1,0 +1,48 @@
+"""P2 as laws: whatever gets worse, nothing gets faster. The laws and what "worse" means are in `chairward.testing`."""
+
+from __future__ import annotations
+
+from random import Random
+
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from chairward.testing import cases, laws
+
+MANY = settings(max_examples=2_500, deadline=None, suppress_health_check=list(HealthCheck))
+RANDOM = st.randoms(use_true_random=False)
+SEED = st.integers(0, 2**48)
+
+
+@MANY
+@given(RANDOM)
+def test_in_the_same_state_worse_facts_never_give_a_faster_motion(rng: Random) -> None:
+    laws.one_step(rng)
+
+
+@settings(MANY, max_examples=80)
+@given(SEED)
+def test_over_a_whole_ride_a_twin_with_worse_facts_is_never_faster(seed: int) -> None:
+    laws.twin_rides(Random(seed), ticks=60)
+
+
+@settings(MANY, max_examples=100)
+@given(SEED)
+def test_every_law_of_one_decision_holds_along_random_rides(seed: int) -> None:
+    laws.random_ride(Random(seed), ticks=60)
+
+
+def test_the_laws_are_not_kept_by_standing_still() -> None:
+    """Of the cases of the first law a good part moves, and every way of making things worse stops some of them."""
+    moved, stopped = 0, set()
+    for seed in range(3_000):
+        name, worse, better = laws.one_step(Random(seed))
+        moved += better != (0.0, 0.0)
+        if better != worse:
+            stopped.add(name)
+    assert moved > 500
+    assert stopped == set(cases.WORSE) - {"messages are refused"}
+
+
+def test_the_twins_of_the_second_law_drive() -> None:
+    assert sum(laws.twin_rides(Random(seed), ticks=60) > 50.0 for seed in range(12)) >= 3
