@@ -16,7 +16,7 @@ pytestmark = pytest.mark.timeout(120)
 
 @pytest.fixture
 def profiles(tmp_path: Path) -> Path:
-    """A copy of the shipped profiles to spoil; beside the plugins, since chair files name paths relative to themselves."""
+    """A copy of the shipped profiles to spoil, beside the plugins: chair files name paths relative to themselves."""
     folder = tmp_path / "profiles"
     shutil.copytree(ROOT / "profiles", folder)
     (tmp_path / "plugins").symlink_to(ROOT / "plugins")

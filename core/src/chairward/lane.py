@@ -52,6 +52,7 @@ class Lane:
         self.items = 0
         self.dropped = 0
         self.stopping = False
+        self.lost = False
         self.last_beat = 0.0
 
     def run(self) -> int:
@@ -61,6 +62,7 @@ class Lane:
             self.beat()
             try:
                 self.source.open()
+                self.lost = False
                 while not self.stopping:
                     self.step()
                     failures = 0
@@ -69,6 +71,7 @@ class Lane:
                 self.beat(ended=True)
                 break
             except DeviceLost as lost:
+                self.lost = True
                 self.send_lost(str(lost))
                 self.source.close()
                 self.pause(BACK_OFF_S[min(failures, len(BACK_OFF_S) - 1)], str(lost))
@@ -115,7 +118,7 @@ class Lane:
         now = time.monotonic()
         if ended or now - self.last_beat >= READ_TIMEOUT_S:
             self.last_beat = now
-            wire.send_control(self.control, wire.Beat(self.items, self.dropped, ended))
+            wire.send_control(self.control, wire.Beat(self.items, self.dropped, ended, self.lost))
 
     def pause(self, seconds: float, reason: str) -> None:
         """Wait before opening again, still beating and still naming what is lost."""

@@ -57,6 +57,7 @@ class LaneProcess:
     deaths_in_a_row: int = 0
     restart_at_s: float = 0.0
     ended: bool = False
+    lost: bool = False
 
 
 @dataclass(slots=True)
@@ -228,7 +229,7 @@ class Supervisor:
                     self.stop(f"companion '{name}' ended: {self._last_words(name)}")
             if self._guard.poll() is not None:
                 self.stop(f"the guard ended: {self._last_words('guard')}")
-            if end_s is None and for_s is not None and all(lane.items or lane.deaths for lane in self.lanes.values()):
+            if end_s is None and for_s is not None and all(x.items or x.deaths or x.lost for x in self.lanes.values()):
                 end_s = now + for_s
             if end_s is not None and now >= end_s:
                 self.stop("the time asked for is over")
@@ -295,8 +296,8 @@ class Supervisor:
             if received is None:
                 return
             match received[0]:
-                case wire.Beat(items, dropped, ended):
-                    lane.beat_s, lane.items, lane.dropped = now, items, dropped
+                case wire.Beat(items, dropped, ended, lost):
+                    lane.beat_s, lane.items, lane.dropped, lane.lost = now, items, dropped, lost
                     if ended and not lane.ended:
                         lane.ended = True
                         self._note(f"lane '{lane.plan.name}': its input has ended")

@@ -65,11 +65,15 @@ class Note(msgspec.Struct, frozen=True, tag="note"):
 
 
 class Beat(msgspec.Struct, frozen=True, tag="beat"):
-    """Lane to supervisor: still working. items: taken from the source; dropped: messages the guard did not take."""
+    """Lane to supervisor: still working.
+
+    items: taken from the source; dropped: messages the guard did not take; lost: its device is not there.
+    """
 
     items: int
     dropped: int
     ended: bool = False
+    lost: bool = False
 
 
 Control = Heartbeat | Attach | Observe | Died | Quit | GuardIsUp | Note | Beat

@@ -5,8 +5,8 @@ the controller's own watchdog. Deceleration is what is left of the measured one 
 
 1. From the first sight of an obstacle the chair must be able to stand before stop_mm, also when somebody comes towards
    it while it reacts and brakes.
-2. Rule 3 then slows it down while it comes nearer. `closest_mm` drives at a wall under that rule with every delay and
-   error at its limit, and lets the guard die at the worst instant: it must never come nearer than 450 mm.
+2. Rules 2 and 3 slow it down while it comes nearer. `closest_mm` drives at a wall under these very rules with every
+   delay and error at its limit, and lets the guard die at the worst instant: it must never come nearer than 450 mm.
 """
 
 from __future__ import annotations
@@ -16,12 +16,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil, floor
 
-from chairward import rules
+from chairward import rules, scene
+from chairward.components import Motion
+from chairward.envelope import OPEN, meet
+from chairward.facts import Facts, Limits, State
+from chairward.messages import DriveStatus, RangeReading
 from chairward.profile.errors import ProfileError
 from chairward.profile.models import PROTECTED_MM, LimitsTable, StoppingTable
 from chairward.stopping import decel_on_slope_mm_s2, largest_speed_mm_s, stopping_distance_mm
 
 STEP_S = 0.005
+STANDING_MM_S = 0.1
+FARTHEST_MM = 20_000
+"""Of a RangeReading."""
 Where = Callable[[str], str]
 """A key of the limits or stopping table -> how errors name its place ("people/asha.toml: limits.forward_mm_s")."""
 
@@ -67,30 +74,42 @@ def closest_mm(
 ) -> float:
     """How near the chair comes to a wall at worst.
 
-    It starts at full speed before rule 3 has a say. Each reading is as late as all delays together (but for the
-    watchdog) and as much too long as its error; rule 3 turns it into a speed, braking and gathering speed as the drive
-    does. At every instant the guard may die: the last speed is kept for the watchdog's time, then the brakes act.
+    It starts at full speed before the rules have a say. Each reading is as late as all delays together (but for the
+    watchdog) and as much too long as its error; the rules turn it into a speed, and the drive brakes and gathers speed
+    towards it. At every instant the guard may die: the last speed is kept for the watchdog's time, then the brakes act.
     A crawl past a blind sensor (rule 5) ends in the same way, at stop_mm.
     """
     watchdog = stopping.watchdog_ms / 1000.0
-    creep = min(rules.CREEP_MM_S, largest_speed_mm_s(rules.CREEP_ROOM_MM, reaction, decel_mm_s2))
     speed = float(limits.forward_mm_s)
-    distance = limits.stop_mm + stopping.sensor_error_mm + stopping_distance_mm(speed, reaction, decel_mm_s2)
+    under = Limits(
+        stop_mm=limits.stop_mm, reaction_s=reaction, decel_mm_s2=decel_mm_s2, caps=OPEN._replace(forward_mm_s=speed)
+    )
+    distance = limits.stop_mm + stopping.sensor_error_mm + 2.0 * stopping_distance_mm(speed, reaction, decel_mm_s2)
     late = deque([distance] * ceil((reaction - watchdog) / STEP_S))
     nearest = distance
     if crawl:
         way = stopping_distance_mm(limits.crawl_mm_s, reaction, decel_mm_s2)
         nearest = min(nearest, limits.stop_mm - stopping.sensor_error_mm - way)
-    while speed > 0.0:
+    standing = 0
+    while standing <= len(late):
         late.append(distance)
-        room = late.popleft() + stopping.sensor_error_mm - limits.stop_mm
-        allowed = max(creep, largest_speed_mm_s(room, reaction, decel_mm_s2)) if room > 0.0 else 0.0
-        allowed = min(allowed, limits.forward_mm_s)
+        allowed = min(allowed_mm_s(late.popleft() + stopping.sensor_error_mm, speed, under), limits.forward_mm_s)
         change = -decel_mm_s2 if allowed < speed else float(limits.accel_mm_s2)
         speed = max(speed + change * STEP_S, allowed) if change < 0.0 else min(speed + change * STEP_S, allowed)
         distance -= speed * STEP_S
         nearest = min(nearest, distance - stopping_distance_mm(speed, watchdog, decel_mm_s2))
+        standing = standing + 1 if speed < STANDING_MM_S else 0
     return nearest
+
+
+def allowed_mm_s(reading_mm: float, speed_mm_s: float, limits: Limits) -> float:
+    """What rules 2 and 3 allow forward when a sensor reads so much ahead of a chair that drives so fast."""
+    ahead_mm = min(max(0, round(reading_mm)), FARTHEST_MM)
+    reading = RangeReading(seq=1, captured_ns=1, can_see=True, ahead_mm=ahead_mm)
+    status = DriveStatus(at_ns=1, linked=True, armed=True, speed_mm_s=speed_mm_s)
+    facts = Facts(now_ns=1, ranges={"front/eyes": (reading,)}, drive=status)
+    view = scene.look(facts, State(output=Motion(speed_mm_s, 0.0)), limits)
+    return meet((*rules.stop_distance(view), *rules.approach_speed(view))).forward_mm_s
 
 
 def prove(

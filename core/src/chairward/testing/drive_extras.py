@@ -18,6 +18,20 @@ class RampContract:
         rig.ticks(0.1, Motion(rig.full.drive_mm_s, 0.0))
         assert rig.wheels().drive_mm_s < rig.full.drive_mm_s / 2
 
+    def test_a_start_is_softer_than_what_follows(self, rig: DriveRig) -> None:
+        rig.connect()
+        rig.arm()
+        seen = [0.0]
+        while seen[-1] < rig.full.drive_mm_s * 0.6 and len(seen) < 1000:
+            rig.attempt(lambda: rig.drive.command(rig.now_ns(), Motion(rig.full.drive_mm_s, 0.0)))
+            for _ in range(4):
+                rig.run(0.005)
+                rig.poll()
+                seen.append(rig.wheels().drive_mm_s)
+        first = next(i for i, speed in enumerate(seen) if speed > 0)
+        middle = next(i for i, speed in enumerate(seen) if speed > rig.full.drive_mm_s * 0.3)
+        assert seen[first + 10] - seen[first] < 0.75 * (seen[middle + 10] - seen[middle])
+
     def test_a_controlled_stop_is_not_a_hard_stop(self, rig: DriveRig) -> None:
         rig.go(Motion(rig.full.drive_mm_s, 0.0))
         rig.ticks(0.06)
