@@ -32,6 +32,7 @@ DEBOUNCE_MS = 3
 RISE_MS = 8
 FALL_MS = 5
 RATE_MAX_MS = 50
+SOFT = 10
 RX_MAX = 12
 RING, RING_MAX = 64, 51
 PWM_STEPS = 250
@@ -60,7 +61,7 @@ class Motor:
     dead: int = 0
     held: bool = True
 
-    def step(self, *, rise: bool, fall: bool) -> None:
+    def step(self, *, rise: bool, fall: bool, soft: bool) -> None:
         """One tick, as `motor` in drive.asm."""
         target, applied = self.target, self.applied
         if self.dead:
@@ -75,7 +76,7 @@ class Motor:
         elif applied != target:
             sign = 1 if applied > 0 else -1
             if target * sign > applied * sign:
-                if rise:
+                if rise and (soft or abs(applied) >= SOFT):
                     self.applied += sign
             elif fall:
                 self.applied -= sign
@@ -117,7 +118,7 @@ class FirmwareModel:
         self.tick_to = self.seq = self.last = self.battery = 0
         self.rise = self.rise_c = RISE_MS
         self.fall = self.fall_c = FALL_MS
-        self.park = PARK_MS
+        self.park, self.soft = PARK_MS, False
         self.stop_c = self.chg_c = 0
         self.steer, self.drive = Motor(), Motor()
         self._rx: deque[tuple[float, int]] = deque()
@@ -231,13 +232,14 @@ class FirmwareModel:
         rise = self.rise_c == 0
         if rise:
             self.rise_c = self.rise
+            self.soft = not self.soft
         self.fall_c -= 1
         fall = self.fall_c == 0
         if fall:
             self.fall_c = self.fall
         steer, drive = self.steer, self.drive
-        steer.step(rise=rise, fall=fall)
-        drive.step(rise=rise, fall=fall)
+        steer.step(rise=rise, fall=fall, soft=self.soft)
+        drive.step(rise=rise, fall=fall, soft=self.soft)
         if steer.target or steer.applied or drive.target or drive.applied:
             self.park = 0
         elif steer.held and drive.held and self.park != PARK_MS:

@@ -16,6 +16,7 @@ DEBNCE  equ     .3              ; ms an input must be high to count
 RISE    equ     .8              ; default ms for each step of 1/100 faster
 FALL    equ     .5              ; default ms for each step of 1/100 slower
 RATEMAX equ     .50
+SOFT    equ     .10             ; below this many hundredths a motor speeds up at half the rate: no jerk at the start
 
 T_DRIVE equ     0x01            ; steer, drive
 T_HELLO equ     0x02            ; rise, fall
@@ -46,6 +47,7 @@ B_BRAKE equ     2               ;             brake pin is applied
 B_STAND equ     3               ;             both motors stand
 F_RISE  equ     0               ; flags: this tick may step up
 F_FALL  equ     1               ;        this tick may step down
+F_SOFT  equ     2               ;        this tick may step up even a motor that has only just started
 RXMAX   equ     .12
 TXLEN   equ     .8
 RING    equ     0xA0            ; 64 bytes in bank 1, reached through FSR
@@ -81,6 +83,7 @@ rise
 fall
 rise_c
 fall_c
+soft                            ; bit 0 turns with every step up
 park
 stop_c
 chg_c
@@ -303,6 +306,9 @@ tk_slew clrf    flags
         movf    rise,W
         movwf   rise_c
         bsf     flags,F_RISE
+        incf    soft,F
+        btfsc   soft,0
+        bsf     flags,F_SOFT
 tk_f    decfsz  fall_c,F
         goto    tk_m
         movf    fall,W
@@ -405,7 +411,15 @@ mo_run  movf    wt,F
         goto    mo_down
         btfss   flags,F_RISE
         return
+        movf    wa,W
         btfsc   wa,7
+        sublw   .0
+        sublw   SOFT-1
+        btfss   STATUS,C
+        goto    mo_up
+        btfss   flags,F_SOFT
+        return
+mo_up   btfsc   wa,7
         goto    mo_upn
         incf    wa,F
         return
