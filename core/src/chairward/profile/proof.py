@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from math import ceil, floor
 
 from chairward import rules, scene
@@ -69,6 +70,7 @@ def largest_mm_s(room_mm: float, reaction: float, decel_mm_s2: float, closing_mm
     )
 
 
+@lru_cache(maxsize=64)
 def closest_mm(
     limits: LimitsTable, stopping: StoppingTable, reaction: float, decel_mm_s2: float, *, crawl: bool = True
 ) -> float:
