@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chairward_simulator.body import NO_PINS, Body, BodyLaw, Bridge, Pins, pins_from
@@ -28,6 +28,7 @@ def run(start: Body, pins: Pins, seconds: float, law: BodyLaw = LAW) -> Body:
     return start
 
 
+@settings(deadline=None)
 @given(speed=speeds, turn=turns, dt=steps, drive=bridges, steer=bridges)
 def test_parking_brake_only_ever_slows_whatever_the_bridges_say(speed, turn, dt, drive, steer) -> None:
     after = body(speed, turn).step(Pins(drive=drive, steer=steer, brake=True), dt, LAW)
@@ -36,6 +37,7 @@ def test_parking_brake_only_ever_slows_whatever_the_bridges_say(speed, turn, dt,
     assert after.speed_mm_s * speed >= 0.0
 
 
+@settings(deadline=None)
 @given(speed=speeds, turn=turns, dt=steps, duty=st.floats(0.01, 1.0), both=st.booleans())
 def test_short_brake_only_ever_slows_on_the_level(speed, turn, dt, duty, both) -> None:
     short = Bridge(duty=duty, in1=both, in2=both)
@@ -45,6 +47,7 @@ def test_short_brake_only_ever_slows_on_the_level(speed, turn, dt, duty, both) -
     assert after.speed_mm_s * speed >= 0.0
 
 
+@settings(deadline=None)
 @given(speed=speeds, turn=turns, dt=steps, in1=st.booleans(), in2=st.booleans())
 def test_disabled_bridge_coasts_losing_no_more_than_friction(speed, turn, dt, in1, in2) -> None:
     off = Bridge(duty=0.0, in1=in1, in2=in2)
@@ -62,6 +65,7 @@ def test_coasting_rolls_much_further_than_short_brake_and_brake_stops_shortest()
     )
 
 
+@settings(deadline=None)
 @given(duty=st.floats(0.05, 1.0), forward=st.booleans())
 def test_motor_settles_at_its_share_of_full_speed(duty, forward) -> None:
     after = run(body(), Pins(drive=Bridge(duty=duty, in1=forward, in2=not forward)), 1.0)
@@ -94,6 +98,7 @@ def test_slope_rolls_an_unbraked_chair_and_the_brake_holds_it() -> None:
     assert run(body(), NO_PINS, 1.0, gentle).speed_mm_s == 0.0
 
 
+@settings(deadline=None)
 @given(speed=speeds, turn=turns, dt=steps, drive=bridges, steer=bridges, brake=st.booleans())
 def test_motion_is_never_faster_than_full_or_than_before(speed, turn, dt, drive, steer, brake) -> None:
     after = body(speed, turn).step(Pins(drive=drive, steer=steer, brake=brake), dt, LAW)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import inf, sqrt
+from math import hypot, inf, sqrt
 from time import process_time
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from chairward.components import Pose
@@ -93,6 +93,7 @@ def test_depth_of_any_pixel_from_any_pose_is_the_analytic_ray(home, x, y, headin
     person = scene.person_cylinders(camera.scene, 7000.0, 2250.0, 90.0, 100.0)
     depth, _, _ = camera.truth(x, y, heading, [person])
     at, ray = rays_of(camera, pose, x, y, heading)
+    assume(hypot(at[0] - 7000.0, at[1] - 2250.0) > 400.0)  # nobody stands inside the lens
     rng = np.random.default_rng(seed)
     for row, column in zip(rng.integers(0, 240, 40), rng.integers(0, 320, 40), strict=True):
         expected = cast(home, person, at, ray(row, column))
