@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from chairward_voice_dtw.jit import jit
+
 Floats = npt.NDArray[np.float32]
 
 RATE_HZ = 8000
@@ -56,6 +58,28 @@ def resample(samples: Floats, rate_hz: int, to_hz: int) -> Floats:
     return np.asarray(resample_poly(samples, to_hz // common, rate_hz // common), np.float32)
 
 
+@jit
+def _polyphase(
+    data: npt.NDArray[np.float64],
+    taps: npt.NDArray[np.float64],
+    first: int,
+    begin: int,
+    up: int,
+    down: int,
+    out: Floats,
+) -> None:
+    """out[i]: the filter's phase for output begin+i over the newest inputs it may see; data[0] is input `first`."""
+    count = taps.shape[1]
+    for i in range(len(out)):
+        position = (begin + i) * down
+        oldest = position // up - first - (count - 1)
+        phase = position % up
+        total = 0.0
+        for k in range(count):
+            total += data[oldest + k] * taps[phase, k]
+        out[i] = total
+
+
 class Resampler:
     """Causal polyphase resampling of a stream, 8..48 kHz to the working rate; block sizes change nothing.
 
@@ -96,11 +120,7 @@ class Resampler:
         self._history = data[len(data) - (count - 1) :]
         # output m sits at m*down in the upsampled stream and needs input (m*down)//up and older
         end = -((-self._seen * self._up) // self._down)
-        wanted = np.arange(self._next, end, dtype=np.int64)
-        self._next = max(self._next, end)
-        if not len(wanted):
-            return np.empty(0, np.float32)
-        position = wanted * self._down
-        newest = position // self._up - first
-        windows = np.lib.stride_tricks.sliding_window_view(data, count)[newest - (count - 1)]
-        return np.asarray((windows * self._taps[position % self._up]).sum(axis=1), np.float32)
+        out = np.empty(max(0, end - self._next), np.float32)
+        _polyphase(data, self._taps, first, self._next, self._up, self._down, out)
+        self._next += len(out)
+        return out

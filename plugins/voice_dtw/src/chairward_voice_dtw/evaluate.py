@@ -23,6 +23,7 @@ from chairward_voice_dtw.stage import EngineMaker
 from chairward_voice_dtw.streams import STREAM_HZ, Placed, Row, babble, by_role, embed, load, read_manifest
 
 BLOCK = STREAM_HZ // 10
+LINES = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 Say = Callable[[str], None]
 
 
@@ -104,21 +105,21 @@ def trials(plan: Plan, speaker: str, snr: float | None, placement: int) -> list[
     return out
 
 
-def false_accepts(plan: Plan, speaker: str, seconds: float) -> tuple[float, list[str]]:
-    """Hours of noise, talk and unknown words at varied levels, and the words that were (wrongly) accepted in them."""
+def false_accepts(plan: Plan, speaker: str, seconds: float) -> tuple[float, list[Heard]]:
+    """Hours of noise, talk and unknown words at varied levels, and everything that was heard in them."""
     rows = _rows(plan.manifest)
     rng = np.random.default_rng([plan.seed, zlib.crc32(speaker.encode()), 31337])
     unknown = [_sound(row.path) for row in rows if row.role == "unknown"]
     talk = [_sound(row.path) for row in rows if row.role == "talk"]
     engine = _engine(plan, speaker)
-    accepted: list[str] = []
+    found: list[Heard] = []
     done = 0.0
     while done < seconds:
         part = min(300.0, seconds - done)
         samples = babble(unknown, talk, _noises(plan), part, rng)
-        accepted += [h.word for h in listen(engine, samples) if h.accepted]
+        found += [h for h in listen(engine, samples) if h.word]
         done += part
-    return seconds / 3600.0, accepted
+    return seconds / 3600.0, found
 
 
 def cpu_ms_per_s(plan: Plan, speaker: str) -> float:
@@ -149,17 +150,18 @@ def evaluate(plan: Plan, say: Say) -> dict[str, Any]:
     if plan.hours > 0.0:
         jobs += [("false", plan, speaker, plan.hours * 3600.0 / len(speakers)) for speaker in speakers]
     found: list[Trial] = []
-    hours, accepted = 0.0, list[str]()
+    hours, strange = 0.0, list[list[Heard]]()
     began = time.monotonic()
     for number, (job, result) in enumerate(_run(jobs, plan.processes), start=1):
         if job[0] == "trials":
             found += result
         else:
-            hours, accepted = hours + result[0], accepted + result[1]
+            hours += result[0]
+            strange.append(result[1])
         if number % 20 == 0 or number == len(jobs):
             say(f"{number} of {len(jobs)} streams, {time.monotonic() - began:.0f} s")
     cpu = [cpu_ms_per_s(plan, speaker) for speaker in speakers[:3]]
-    return report(plan, found, hours, accepted, float(np.median(cpu)))
+    return report(plan, found, hours, strange, float(np.median(cpu)))
 
 
 def _run(jobs: Sequence[tuple[Any, ...]], processes: int) -> Iterator[tuple[tuple[Any, ...], Any]]:
@@ -217,8 +219,33 @@ def cell(found: Sequence[Trial], stop_word: str) -> dict[str, Any]:
     }
 
 
-def report(plan: Plan, found: Sequence[Trial], hours: float, accepted: Sequence[str], cpu: float) -> dict[str, Any]:
+def operating_point(
+    found: Sequence[Trial], hours: float, strange: Sequence[Sequence[Heard]], line: float
+) -> dict[str, Any]:
+    """What one threshold for all words would give, all sources together: the trade between deafness and wrong motion."""
+    best = [(t, max(t.heard, key=lambda h: h.score, default=None)) for t in found]
+    known = [h is not None and h.score >= line and h.word == t.placed.word for t, h in best if t.placed.role == "test"]
+    unknown = [h is not None and h.score >= line for t, h in best if t.placed.role == "unknown"]
+    count = 0
+    for stream in strange:
+        until = -1.0
+        for heard in stream:
+            if heard.score >= line:
+                count += heard.onset_s > until
+                until = heard.decided_s
+    return {
+        "threshold": line,
+        "accuracy_pct": share(sum(known), len(known)),
+        "unknown_accepted_pct": share(sum(unknown), len(unknown)),
+        "false_accepts_per_hour": rate_per_hour(count, hours),
+    }
+
+
+def report(
+    plan: Plan, found: Sequence[Trial], hours: float, strange: Sequence[Sequence[Heard]], cpu: float
+) -> dict[str, Any]:
     """Everything together."""
+    accepted = [h.word for stream in strange for h in stream if h.accepted]
     sources = list(dict.fromkeys(t.source for t in found))
     stops = sum(word == plan.stop_word for word in accepted)
     names = {snr: "clean" if snr is None else f"{snr:g}" for snr in plan.snrs}
@@ -243,5 +270,6 @@ def report(plan: Plan, found: Sequence[Trial], hours: float, accepted: Sequence[
             "motion": rate_per_hour(len(accepted) - stops, hours),
             "stop": rate_per_hour(stops, hours),
         },
+        "operating_points": [operating_point(found, hours, strange, line) for line in LINES],
         "cpu_ms_per_s": round(cpu, 2),
     }

@@ -77,7 +77,9 @@ class MelStream:
         count = (len(self._rest) - WINDOW) // HOP + 1
         if count <= 0:
             return np.zeros((0, BANDS), np.float32)
-        frames = np.lib.stride_tricks.sliding_window_view(self._rest, WINDOW)[: count * HOP : HOP] * self._window
+        frames = np.empty((count, WINDOW), np.float32)
+        for t in range(count):
+            np.multiply(self._rest[t * HOP : t * HOP + WINDOW], self._window, out=frames[t])
         self._rest = self._rest[count * HOP :]
         spectrum = np.fft.rfft(frames, FFT, axis=1)
         power = np.ascontiguousarray(spectrum.real**2 + spectrum.imag**2, np.float32)

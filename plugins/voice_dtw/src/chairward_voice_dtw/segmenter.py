@@ -58,7 +58,7 @@ class Segmenter:
         self._endpointers = [Endpointer(p) for p in listeners]
         self._rooms = [np.zeros(BANDS, np.float32) for _ in listeners]
         self._keep = max(p.longest for p in listeners) + 200
-        self._rest = np.zeros(0, np.float32)
+        self._rest = b""
         self._frames = np.zeros((0, BANDS), np.float32)
         self._first_frame = 0
         self.frames_seen = 0
@@ -119,11 +119,11 @@ class Segmenter:
 
     def _voiced(self, samples: Floats, count: int) -> npt.NDArray[np.uint8]:
         """webrtcvad's word on the newest 10 ms of each new frame."""
-        data = np.concatenate([self._rest, samples])
+        pcm = (np.clip(samples, -1.0, 1.0) * 32767.0).astype("<i2").tobytes()
+        data = self._rest + pcm
         out = np.zeros(count, np.uint8)
-        pcm = np.clip(data * 32768.0, -32768, 32767).astype("<i2")
         for i in range(count):
-            newest = pcm[i * HOP + WINDOW - HOP : i * HOP + WINDOW]
-            out[i] = self._vad.is_speech(newest.tobytes(), 8000)
-        self._rest = data[count * HOP :]
+            newest = 2 * (i * HOP + WINDOW - HOP)
+            out[i] = self._vad.is_speech(data[newest : newest + 2 * HOP], 8000)
+        self._rest = data[2 * count * HOP :]
         return out
