@@ -12,6 +12,7 @@ from chairward.testing import (
     ExclusivePortContract,
     PowerContract,
     RampContract,
+    SoftStartContract,
     StopInputContract,
     VersionContract,
 )
@@ -20,7 +21,13 @@ from chairward_drive_pic_serial.rig import PicRig
 
 
 class TestPicSerial(
-    DriveContract, RampContract, StopInputContract, PowerContract, ExclusivePortContract, VersionContract
+    DriveContract,
+    RampContract,
+    SoftStartContract,
+    StopInputContract,
+    PowerContract,
+    ExclusivePortContract,
+    VersionContract,
 ):
     """All contracts, each on both engines."""
 

@@ -87,6 +87,16 @@ def test_without_answers_only_neutral_goes_out_after_sixty_milliseconds(rig: Pic
     assert [frame[2:] for frame in tap.frames if frame[0] == Ask.DRIVE][-1] == bytes([0, 0])
 
 
+def test_a_hard_stop_goes_out_at_once_even_when_answers_are_overdue(rig: PicRig, tap: Recorder) -> None:
+    rig.go()
+    tap.deaf = True
+    rig.ticks(0.08, rig.half)
+    before = len(tap.frames)
+    rig.drive.command(rig.now_ns(), STILL, hard_stop=True)
+    rig.run(0.001)
+    assert [frame[0] for frame in tap.frames[before:]] == [Ask.BRAKE]
+
+
 def test_the_link_is_lost_two_hundred_milliseconds_after_the_last_answer(rig: PicRig) -> None:
     rig.go()
     rig.freeze()

@@ -15,6 +15,7 @@ from chairward.testing.drive_extras import (  # noqa: E402
     ExclusivePortContract,
     PowerContract,
     RampContract,
+    SoftStartContract,
     StopInputContract,
     VersionContract,
 )
@@ -26,6 +27,7 @@ __all__ = [
     "ExclusivePortContract",
     "PowerContract",
     "RampContract",
+    "SoftStartContract",
     "StopInputContract",
     "VersionContract",
 ]

@@ -18,6 +18,20 @@ class RampContract:
         rig.ticks(0.1, Motion(rig.full.drive_mm_s, 0.0))
         assert rig.wheels().drive_mm_s < rig.full.drive_mm_s / 2
 
+    def test_a_controlled_stop_is_not_a_hard_stop(self, rig: DriveRig) -> None:
+        rig.go(Motion(rig.full.drive_mm_s, 0.0))
+        rig.ticks(0.06)
+        assert rig.wheels().drive_mm_s > rig.full.drive_mm_s / 4
+
+    def test_after_a_controlled_stop_the_brake_is_on(self, rig: DriveRig) -> None:
+        rig.go()
+        rig.ticks(rig.stop_s + 0.5)
+        assert rig.braked()
+
+
+class SoftStartContract:
+    """Backends whose controller limits the jerk of a start."""
+
     def test_a_start_is_softer_than_what_follows(self, rig: DriveRig) -> None:
         rig.connect()
         rig.arm()
@@ -31,16 +45,6 @@ class RampContract:
         first = next(i for i, speed in enumerate(seen) if speed > 0)
         middle = next(i for i, speed in enumerate(seen) if speed > rig.full.drive_mm_s * 0.3)
         assert seen[first + 10] - seen[first] < 0.75 * (seen[middle + 10] - seen[middle])
-
-    def test_a_controlled_stop_is_not_a_hard_stop(self, rig: DriveRig) -> None:
-        rig.go(Motion(rig.full.drive_mm_s, 0.0))
-        rig.ticks(0.06)
-        assert rig.wheels().drive_mm_s > rig.full.drive_mm_s / 4
-
-    def test_after_a_controlled_stop_the_brake_is_on(self, rig: DriveRig) -> None:
-        rig.go()
-        rig.ticks(rig.stop_s + 0.5)
-        assert rig.braked()
 
 
 class StopInputContract:

@@ -64,7 +64,7 @@ class PicSerialDrive:
         self._state = State.BOOT
         self._waiting: deque[_Sent] = deque()
         self._waiting_since_ns: int | None = None
-        self._neutral_ns = 0
+        self._neutral_ns, self._stop_sent = 0, False
         self._command_ns: int | None = None
         self._pending: tuple[int, int, int] | None = None
 
@@ -169,16 +169,17 @@ class PicSerialDrive:
         self._watch(now_ns)
 
     def _send(self, now_ns: int, kind: Ask, *body: int) -> None:
-        """One frame now. While the answers are overdue only a neutral one goes out, every 60 ms."""
+        """One frame now. While the answers are overdue only a neutral one every 60 ms, and a hard stop at once."""
         if self._port is None:
             return
         since = self._waiting_since_ns
         moves = kind == Ask.DRIVE and any(body)
+        stop = kind in (Ask.ESTOP, Ask.BRAKE)
         try:
             if self._overdue(now_ns):
-                if now_ns - self._neutral_ns < NEUTRAL_AFTER_NS:
+                if now_ns - self._neutral_ns < NEUTRAL_AFTER_NS and (self._stop_sent or not stop):
                     return
-                self._neutral_ns = now_ns
+                self._neutral_ns, self._stop_sent = now_ns, stop
                 self._port.forget_unsent()
                 self._waiting.clear()
                 if moves:
@@ -235,6 +236,7 @@ class PicSerialDrive:
                 f"{wire.PROTOCOL}: program the firmware that belongs to this version ('chairward pic flash-help')"
             )
             self._nonce = None
+            self._hello_ns = now_ns + BACKOFF_NS[1]
             raise DriveError(self._fault)
         if hello.seq == 0:
             if self._nonce is not None:
@@ -271,6 +273,7 @@ class PicSerialDrive:
             self._fault = str(error)
             raise DriveError(self._fault) from error
         self._forget()
+        self._fault = ""
         self._splitter = wire.Splitter()
         self._hello_since_ns = now_ns
         self._hello(now_ns)
