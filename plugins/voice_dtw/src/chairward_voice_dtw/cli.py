@@ -228,10 +228,11 @@ def table(result: dict[str, Any]) -> list[str]:
         f"false accepts an hour ({false['hours']} h): motion {false['motion']['per_hour']} "
         f"[{false['motion']['low']}..{false['motion']['high']}], stop {false['stop']['per_hour']}"
     )
-    for point in result["operating_points"]:
-        lines.append(
-            f"  at threshold {point['threshold']:+.1f}: accuracy {point['accuracy_pct']['pct']}, unknown accepted "
-            f"{point['unknown_accepted_pct']['pct']}, false accepts an hour {point['false_accepts_per_hour']['per_hour']}"
-        )
+    lines += [
+        f"  at threshold {p['threshold']:+.1f}: accuracy {p['accuracy_pct']['pct']}, "
+        f"unknown accepted {p['unknown_accepted_pct']['pct']}, "
+        f"false accepts an hour {p['false_accepts_per_hour']['per_hour']}"
+        for p in result["operating_points"]
+    ]
     lines.append(f"CPU: {result['cpu_ms_per_s']} ms per second of sound")
     return lines

@@ -90,13 +90,15 @@ def _noises(plan: Plan) -> list[Floats]:
     return [_sound(row.path) for row in _rows(plan.manifest) if row.role == "noise"]
 
 
-def trials(plan: Plan, speaker: str, snr: float | None, placement: int) -> list[Trial]:
-    """One stream of one speaker's test and unknown utterances."""
+def trials(
+    plan: Plan, speaker: str, snr: float | None, placement: int, make: Callable[[], Engine] | None = None
+) -> list[Trial]:
+    """One stream of one speaker's test and unknown utterances; `make` brings another engine than the plan's."""
     roles = by_role(_rows(plan.manifest), speaker)
     utterances = [(row, _sound(row.path)) for row in [*roles["test"], *roles["unknown"]]]
     rng = np.random.default_rng([plan.seed, zlib.crc32(speaker.encode()), 999 if snr is None else int(snr), placement])
     stream = embed(utterances, _noises(plan), snr, rng, level_dbfs=float(rng.uniform(-32.0, -20.0)))
-    heard = listen(_engine(plan, speaker), stream.samples)
+    heard = listen(make() if make else _engine(plan, speaker), stream.samples)
     source = roles["test"][0].source
     out = []
     for placed in stream.placed:
@@ -224,8 +226,9 @@ def operating_point(
 ) -> dict[str, Any]:
     """What one threshold for all words would give, all sources together: the trade between deafness and wrong motion."""
     best = [(t, max(t.heard, key=lambda h: h.score, default=None)) for t in found]
-    known = [h is not None and h.score >= line and h.word == t.placed.word for t, h in best if t.placed.role == "test"]
-    unknown = [h is not None and h.score >= line for t, h in best if t.placed.role == "unknown"]
+    passed = [(t, h is not None and h.score >= line, bool(h and h.word == t.placed.word)) for t, h in best]
+    known = [over and right for t, over, right in passed if t.placed.role == "test"]
+    unknown = [over for t, over, _ in passed if t.placed.role == "unknown"]
     count = 0
     for stream in strange:
         until = -1.0

@@ -1,0 +1,194 @@
+"""Our ears beside others on the same streams, speed of the warping kernel, and the fit of the score.
+
+    python benchmarks/ears.py compare MANIFEST [--placements 1]
+    python benchmarks/ears.py speed
+    python benchmarks/ears.py fit MANIFEST
+
+`compare`: default, thesis_text, thesis_code and a Raven-like matcher (13 MFCC, cosine DTW, no noise handling, our endpointer)
+on equal streams; pocketsphinx, when installed, on English sources with the true bounds given to it (an
+advantage). `speed`: our kernel and, when installed, dtaidistance. Extra packages: pocketsphinx, dtaidistance.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from chairward_voice_dtw import calibrate, dtw, evaluate
+from chairward_voice_dtw.audio import RATE_HZ
+from chairward_voice_dtw.engine import Heard, frame_end_s
+from chairward_voice_dtw.frontend import HOP, features
+from chairward_voice_dtw.segmenter import LISTENERS, Segmenter
+from chairward_voice_dtw.streams import STREAM_HZ, by_role, embed, load, read_manifest
+from chairward_voice_dtw.templates import Template, from_files
+
+SNRS = (None, 20.0, 10.0, 5.0)
+Floats = npt.NDArray[np.float32]
+
+
+def unit(mel: Floats) -> Floats:
+    """13 plain cepstra of unit length (no noise handling)."""
+    x = features(mel)[:, :13]
+    return np.ascontiguousarray(x / (np.linalg.norm(x, axis=1, keepdims=True) + 1e-9))
+
+
+class RavenLike:
+    """Cosine DTW on plain MFCC: on unit vectors the Euclidean distance orders frames as the cosine does."""
+
+    noise_power, in_word, now_s = 0.0, False, 0.0
+
+    def __init__(self, templates: Sequence[Template], words: Sequence[str]) -> None:
+        self._packed, self._lengths = dtw.pack([unit(t.mel) for t in templates])
+        self._words = list(words)
+        self._segmenter = Segmenter(STREAM_HZ, (LISTENERS[0],))
+
+    def push(self, samples: Floats) -> list[Heard]:
+        """Every ended sound gets the nearest word."""
+        out = []
+        for s in self._segmenter.push(samples):
+            if s.too_long:
+                continue
+            found = dtw.distances(unit(s.mel), self._packed, self._lengths)
+            word = self._words[int(np.argmin(found))]
+            end = frame_end_s(s.last)
+            out.append(
+                Heard(
+                    word=word,
+                    score=-float(found.min()),
+                    accepted=True,
+                    onset_s=s.first * HOP / RATE_HZ,
+                    end_s=end,
+                    decided_s=frame_end_s(s.decided),
+                )
+            )
+        return out
+
+
+def compare(manifest: Path, placements: int) -> None:
+    """Closed-set accuracy of each engine by source and SNR."""
+    rows = read_manifest(manifest)
+    speakers = evaluate.speakers_of(rows)
+    sources = list(dict.fromkeys(by_role(rows, s)["test"][0].source for s in speakers))
+    engines: dict[str, Callable[[str, float | None, int], list[evaluate.Trial]]] = {
+        name: (lambda s, snr, p, n=name: evaluate.trials(evaluate.Plan(manifest=manifest, engine=n), s, snr, p))  # type: ignore[misc]
+        for name in ("default", "thesis_text", "thesis_code")
+    }
+    engines["Raven-like"] = lambda s, snr, p: raven_trials(manifest, s, snr, p)
+    for source in sources:
+        mine = [s for s in speakers if by_role(rows, s)["test"][0].source == source]
+        print(f"{source} ({len(mine)} speakers): closed-set accuracy, %, clean / 20 / 10 / 5 dB")
+        for name, run in engines.items():
+            line = []
+            for snr in SNRS:
+                found = [t for s in mine for p in range(placements) for t in run(s, snr, p)]
+                value = evaluate.cell(found, "stop")["closed_set_accuracy_pct"]
+                line.append(f"{value['pct']} (n {value['n']})")
+            print(f"  {name:12s} " + " / ".join(line), flush=True)
+        pocketsphinx(manifest, mine)
+
+
+def raven_trials(manifest: Path, speaker: str, snr: float | None, placement: int) -> list[evaluate.Trial]:
+    """The same streams as `evaluate.trials`, through the Raven-like matcher."""
+    roles = by_role(read_manifest(manifest), speaker)
+    files: dict[str, list[Path]] = {}
+    for row in roles["template"]:
+        files.setdefault(row.word, []).append(row.path)
+    templates = from_files(files)
+    words = [t.word for t in templates]
+    return evaluate.trials(
+        evaluate.Plan(manifest=manifest), speaker, snr, placement, lambda: RavenLike(templates, words)
+    )
+
+
+def pocketsphinx(manifest: Path, speakers: Sequence[str]) -> None:
+    """Speaker-independent JSGF recognition of each utterance, cut out at its true bounds with 0.3 s around."""
+    try:
+        from pocketsphinx import Decoder, get_model_path
+    except ImportError:
+        print("  pocketsphinx is not installed: left out")
+        return
+    rows = read_manifest(manifest)
+    spoken = dict(
+        zip("0123456789", ["zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine"], strict=True)
+    )
+    noises = [load(r.path) for r in rows if r.role == "noise"]
+    line = []
+    for snr in SNRS:
+        right = total = 0
+        for speaker in speakers:
+            tests = by_role(rows, speaker)["test"]
+            names = {spoken.get(r.word, r.word): r.word for r in tests}
+            model = Path(get_model_path())
+            decoder = Decoder(
+                hmm=str(model / "en-us/en-us"), dict=str(model / "en-us/cmudict-en-us.dict"), lm=None, loglevel="FATAL"
+            )
+            grammar = f"#JSGF V1.0; grammar g; public <word> = {' | '.join(names)} ;"
+            decoder.add_jsgf_string("words", grammar)
+            decoder.activate_search("words")
+            stream = embed([(r, load(r.path)) for r in tests], noises, snr, np.random.default_rng(1))
+            for placed in stream.placed:
+                first, last = (int(max(0.0, s) * STREAM_HZ) for s in (placed.onset_s - 0.3, placed.end_s + 0.3))
+                decoder.start_utt()
+                decoder.process_raw((stream.samples[first:last] * 32767).astype("<i2").tobytes(), full_utt=True)
+                decoder.end_utt()
+                said = decoder.hyp()
+                right += said is not None and names.get(said.hypstr) == placed.word
+                total += 1
+        line.append(f"{100 * right / total:.2f} (n {total})")
+    print("  pocketsphinx " + " / ".join(line), flush=True)
+
+
+def speed() -> None:
+    """One 1.5 s word (150 frames of 26) against 6 and 60 templates of 150 frames: best of 20, one thread."""
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=(150, 26)).astype(np.float32)
+    word, window = x.astype(np.float64), int(dtw.BAND * 150)
+    for count in (6, 60):
+        packed, lengths = dtw.pack([rng.normal(size=(150, 26)).astype(np.float32) for _ in range(count)])
+        dtw.distances(x, packed, lengths)
+        print(f"{count} templates: ours {best_of(lambda p=packed, n=lengths: dtw.distances(x, p, n)):.2f} ms")  # type: ignore[misc]
+        try:
+            from dtaidistance import dtw_ndim
+        except ImportError:
+            print("  dtaidistance is not installed: left out")
+            continue
+        items = [np.asarray(p[:n], np.float64) for p, n in zip(packed, lengths, strict=True)]
+        found = best_of(lambda i=items: [dtw_ndim.distance_fast(word, y, window=window) for y in i])  # type: ignore[misc]
+        print(f"  dtaidistance {found:.2f} ms (C, the same band)")
+
+
+def best_of(work: Callable[[], object], times: int = 20) -> float:
+    """Least time of some runs, ms."""
+    found = []
+    for _ in range(times):
+        began = time.perf_counter()
+        work()
+        found.append(1e3 * (time.perf_counter() - began))
+    return min(found)
+
+
+def main() -> None:
+    """See the module's docstring."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=("compare", "speed", "fit"))
+    parser.add_argument("manifest", type=Path, nargs="?")
+    parser.add_argument("--placements", type=int, default=1)
+    options = parser.parse_args()
+    if options.what == "speed":
+        speed()
+    elif options.manifest is None:
+        parser.error(f"{options.what} needs a manifest")
+    elif options.what == "fit":
+        print(calibrate.fit(options.manifest, lambda line: print(line, file=sys.stderr)))
+    else:
+        compare(options.manifest, options.placements)
+
+
+if __name__ == "__main__":
+    main()
