@@ -122,23 +122,32 @@ def approach_speed(scene: Scene) -> Votes:
     """
     facts, _, limits, seen = scene
     speed = facts.drive.speed_mm_s or 0.0
+    enough_ahead = _enough_mm(limits.caps.forward_mm_s, speed, limits)
+    enough_behind = _enough_mm(limits.caps.backward_mm_s, -speed, limits)
     for s in seen:
-        if s.ahead_mm < inf:
-            cap = _approach_mm_s(s.ahead_mm - limits.stop_mm, speed, s.closing_mm_s, limits)
-            if cap < limits.caps.forward_mm_s:
-                yield Envelope(Caps(cap, inf, inf, inf), "approach_speed", s.source, f"{s.ahead_mm:.0f} mm ahead")
-        if s.behind_mm < inf:
-            cap = _approach_mm_s(s.behind_mm - limits.stop_mm, -speed, 0.0, limits)
-            if cap < limits.caps.backward_mm_s:
-                yield Envelope(Caps(inf, cap, inf, inf), "approach_speed", s.source, f"{s.behind_mm:.0f} mm behind")
+        room = s.ahead_mm - limits.stop_mm
+        if room < enough_ahead or s.closing_mm_s:
+            cap = _approach_mm_s(room, speed, s.closing_mm_s, limits)
+            yield Envelope(Caps(cap, inf, inf, inf), "approach_speed", s.source, f"{s.ahead_mm:.0f} mm ahead")
+        room = s.behind_mm - limits.stop_mm
+        if room < enough_behind:
+            cap = _approach_mm_s(room, -speed, 0.0, limits)
+            yield Envelope(Caps(inf, cap, inf, inf), "approach_speed", s.source, f"{s.behind_mm:.0f} mm behind")
+
+
+def _enough_mm(cap_mm_s: float, speed_mm_s: float, limits: Limits) -> float:
+    """The room from which a thing that stands cannot slow the chair below its own cap."""
+    t, a = limits.reaction_s, limits.decel_mm_s2
+    at_cap = stopping_distance_mm(cap_mm_s, t, a) + a * t * t / 2.0
+    return max(at_cap, stopping_distance_mm(speed_mm_s, 0.0, a))
 
 
 def _approach_mm_s(room_mm: float, speed_mm_s: float, closing_mm_s: float, limits: Limits) -> float:
     """The speed allowed towards something room_mm beyond stop_mm, for a chair that reports speed_mm_s towards it."""
     t, a = limits.reaction_s, limits.decel_mm_s2
-    creep = 0.0 if closing_mm_s else min(CREEP_MM_S, largest_speed_mm_s(CREEP_ROOM_MM, t, a))
     if room_mm <= 0.0 or (speed_mm_s > CREEP_MM_S and stopping_distance_mm(speed_mm_s, 0.0, a) > room_mm):
         return 0.0
+    creep = 0.0 if closing_mm_s else min(CREEP_MM_S, largest_speed_mm_s(CREEP_ROOM_MM, t, a))
     return max(creep, approach_speed_mm_s(room_mm, closing_mm_s, t, a))
 
 

@@ -1,0 +1,60 @@
+"""docs/safety.md names rules, code, tests and results: all exist, and every rule and hazard is shown by a test."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+
+from chairward.rules import RULES
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs" / "safety.md").read_text()
+TESTS = sorted(set(re.findall(r"`(tests/[\w/]+\.py)(?:::(\w+))?`", PAGE)))
+CODE = sorted(set(re.findall(r"`([a-z]+(?:\.[a-z_]+)*)\.([A-Za-z_]+)`", PAGE)))
+RESULTS = sorted(set(re.findall(r"`(benchmarks/[\w/]+\.(?:json|py))`", PAGE)))
+HAZARDS = [line for line in PAGE.splitlines() if re.match(r"\| H\d+ \|", line)]
+CLAUSES = ("7.2", "7.3", "7.4", "8.3", "8.7", "8.9", "8.11.3")
+EIGHT = ("watchdog", "dead-man", "over-current", "SIGKILL", "tilt", "low battery", "CAN fault", "link loss")
+
+
+@pytest.mark.parametrize(("path", "name"), TESTS, ids=lambda part: part or "-")
+def test_a_named_test_exists(path: str, name: str) -> None:
+    text = (ROOT / path).read_text()
+    assert not name or re.search(rf"^\s*def {name}\(", text, re.MULTILINE), f"docs/safety.md: {path} has no {name}"
+
+
+@pytest.mark.parametrize("path", RESULTS)
+def test_named_evidence_exists(path: str) -> None:
+    assert (ROOT / path).is_file()
+
+
+@pytest.mark.parametrize(("module", "name"), [pair for pair in CODE if pair[1] != "py"], ids=lambda part: part)
+def test_named_code_exists(module: str, name: str) -> None:
+    full = module if module.startswith("chairward") else f"chairward.{'testing.' if module == 'laws' else ''}{module}"
+    found = importlib.import_module(full)
+    assert hasattr(found, name) or importlib.util.find_spec(f"{full}.{name}"), f"docs/safety.md: no {full}.{name}"
+
+
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
+def test_every_rule_answers_a_hazard(rule: object) -> None:
+    name = getattr(rule, "__name__", "")
+    assert any(f"`rules.{name}`" in row for row in HAZARDS)
+
+
+@pytest.mark.parametrize("row", HAZARDS, ids=lambda row: row.split("|")[1].strip())
+def test_every_hazard_has_a_requirement_and_a_test(row: str) -> None:
+    _, _, hazard, requirement, kept_by, shown_by, _ = row.split("|")
+    assert all(cell.strip() for cell in (hazard, requirement, kept_by))
+    assert "`tests/" in shown_by
+
+
+def test_hazards_are_numbered_without_a_hole() -> None:
+    assert [row.split("|")[1].strip() for row in HAZARDS] == [f"H{n}" for n in range(1, len(HAZARDS) + 1)]
+
+
+@pytest.mark.parametrize("row", [*CLAUSES, *EIGHT])
+def test_every_clause_and_every_one_of_the_eight_has_its_row(row: str) -> None:
+    assert re.search(rf"^\| {re.escape(row)}|^\| [^|]*{re.escape(row)}[^|]*\|", PAGE, re.MULTILINE)
