@@ -4,8 +4,8 @@
     python benchmarks/ears.py speed
     python benchmarks/ears.py fit MANIFEST
 
-`compare`: default, thesis_text, thesis_code and a Raven-like matcher (13 MFCC, cosine DTW, no noise handling, our endpointer)
-on equal streams; pocketsphinx, when installed, on English sources with the true bounds given to it (an
+`compare`: default, thesis_text, thesis_code and a Raven-like matcher (13 MFCC, cosine DTW, no noise handling, behind
+our endpointer) on equal streams; pocketsphinx, when installed, on English sources with the true bounds given to it (an
 advantage). `speed`: our kernel and, when installed, dtaidistance. Extra packages: pocketsphinx, dtaidistance.
 """
 

@@ -59,10 +59,13 @@ def words_of(manifest: Path, speaker: str, playlist: tuple[str, ...]) -> list[Wo
             missing = [c for c in COLUMNS if c not in (reader.fieldnames or [])]
             if missing:
                 raise SoundFileError(f"{manifest}: lacks the column(s) {', '.join(missing)}")
-            rows = [row for row in reader if row["role"] == "test"]
+            every = list(reader)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise SoundFileError(f"{manifest}: the manifest cannot be read ({error})") from None
-    who = speaker or (rows[0]["speaker"] if rows else "")
+    rows = [row for row in every if row["role"] == "test"]
+    enrolled = {row["speaker"] for row in every if row["role"] == "template"}
+    order = [row["speaker"] for row in rows if row["speaker"] in enrolled] + [row["speaker"] for row in rows]
+    who = speaker or (order[0] if order else "")
     mine = [Word(manifest.parent / row["path"], row["word"]) for row in rows if row["speaker"] == who]
     if not mine:
         known = ", ".join(sorted({row["speaker"] for row in rows})) or "nobody"

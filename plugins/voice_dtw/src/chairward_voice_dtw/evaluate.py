@@ -224,7 +224,7 @@ def cell(found: Sequence[Trial], stop_word: str) -> dict[str, Any]:
 def operating_point(
     found: Sequence[Trial], hours: float, strange: Sequence[Sequence[Heard]], line: float
 ) -> dict[str, Any]:
-    """What one threshold for all words would give, all sources together: the trade between deafness and wrong motion."""
+    """What one threshold for all words would give, over all sources: deafness against wrong motion."""
     best = [(t, max(t.heard, key=lambda h: h.score, default=None)) for t in found]
     passed = [(t, h is not None and h.score >= line, bool(h and h.word == t.placed.word)) for t, h in best]
     known = [over and right for t, over, right in passed if t.placed.role == "test"]

@@ -64,14 +64,20 @@ def files_of_folder(folder: Path) -> dict[str, list[Path]]:
 
 
 def files_of_manifest(manifest: Path, speaker: str) -> dict[str, list[Path]]:
-    """The template rows of one speaker (the first one in the manifest when speaker is ""). Raises SoundError."""
-    rows = [row for row in read_manifest(manifest) if row.role == "template"]
-    who = speaker or (rows[0].speaker if rows else "")
+    """The template rows of one speaker. Raises SoundError.
+
+    speaker "": the first in the manifest with test and template rows (as the microphone plays), else with templates.
+    """
+    every = read_manifest(manifest)
+    rows = [row for row in every if row.role == "template"]
+    enrolled = {row.speaker for row in rows}
+    order = [r.speaker for r in every if r.role == "test" and r.speaker in enrolled] + [r.speaker for r in rows]
+    who = speaker or (order[0] if order else "")
     files: dict[str, list[Path]] = {}
     for row in rows:
         if row.speaker == who:
             files.setdefault(row.word, []).append(row.path)
     if not files:
-        known = ", ".join(sorted({row.speaker for row in rows})) or "none"
+        known = ", ".join(sorted(enrolled)) or "none"
         raise SoundError(f"{manifest}: no template rows of speaker '{who}' (there are: {known})")
     return files
