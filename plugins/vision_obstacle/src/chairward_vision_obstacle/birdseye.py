@@ -15,6 +15,8 @@ CELL_MM = 10.0
 LENGTH_MM = 600.0
 SURE = 0.4
 """Phase correlation's response under which a shift is not believed (textured floors: 0.5 to 0.9)."""
+ENOUGH_FLOOR = 0.6
+"""With less of the grid measured free of raised things the floor's motion is not asked for."""
 TEXTURE = 1.0
 """Grey levels of detail (15 to 50 mm) under which there is only noise to correlate."""
 
@@ -67,12 +69,18 @@ class BirdsEye:
         inside = np.full((height, width), 255, np.uint8)
         return np.asarray(cv2.warpPerspective(inside, self._to_grid, (self.columns, self.rows)) > 254, np.bool_)
 
-    def shift(self, above: npt.NDArray[np.uint8]) -> Shift | None:
-        """The floor's motion since the last call, None when it cannot be told (first picture, a plain floor)."""
+    def shift(self, above: npt.NDArray[np.uint8], floor: npt.NDArray[np.bool_]) -> Shift | None:
+        """The floor's motion since the last call, None when it cannot be told (first picture, a plain floor).
+
+        floor: cells that belong to the floor.
+        """
         grey = cv2.cvtColor(above, cv2.COLOR_BGR2GRAY).astype(np.float32)
+        share = float(floor.mean())
+        if share < 1.0 and share > 0.0:
+            grey[~floor] = grey[floor].mean()  # what stands up seems to move faster than the floor
         last, self._last = self._last, np.asarray(grey, np.float32)
         detail = cv2.GaussianBlur(grey, (0, 0), 1.5) - cv2.GaussianBlur(grey, (0, 0), 5)
-        if last is None or float(detail.std()) < TEXTURE:
+        if last is None or share < ENOUGH_FLOOR or float(detail.std()) < TEXTURE:
             return None
         (right, down), response = cv2.phaseCorrelate(last, self._last, self._window)
         if response < SURE:

@@ -78,8 +78,12 @@ class LearnedVision:
         cues = Cues(~self._look.is_floor(bins), raised, flat, self._depth(disparity, size))
         mask = regions.obstacle_mask(cues)
         above = self._above.look(pair.left)
-        shift = self._above.shift(above)
-        thin = self._thin(above, floor_map.obstacle)
+        raised_above = (
+            cv2.dilate(self._above.look_mask(floor_map.obstacle).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+        )
+        floor_above = np.asarray(self._in_view & ~raised_above)
+        shift = self._above.shift(above, floor_above)
+        thin = cables.thin_things(np.asarray(cv2.cvtColor(above, cv2.COLOR_BGR2GRAY), np.uint8), floor_above)
         light = _light(small)
         knows = self._look.knows and not light
         thing = regions.nearest(mask, cues, self.ground, self._half_width_mm) if knows else None
@@ -106,12 +110,6 @@ class LearnedVision:
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(np.where(total > 0, fb / total, np.inf), np.float32)
 
-    def _thin(self, above: Image, obstacle: Bools) -> Bools:
-        """Thin things on the floor seen from above, away from everything that stands up."""
-        raised = cv2.dilate(self._above.look_mask(obstacle).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-        grey = np.asarray(cv2.cvtColor(above, cv2.COLOR_BGR2GRAY), np.uint8)
-        return cables.thin_things(grey, self._in_view & ~raised)
-
     def _cable(self, thin: Bools) -> Sighting | None:
         """The nearest thin thing in the corridor."""
         reach = round(self._half_width_mm / CELL_MM)
@@ -121,7 +119,7 @@ class LearnedVision:
             return None
         forward_mm = self._above.near_mm + (thin.shape[0] - 1 - int(rows[-1])) * CELL_MM
         cut = int(rows[-1]) >= thin.shape[0] - 2
-        return Sighting(forward_mm + self.ground.offset_mm, hidden=cut, label="something thin on the floor")
+        return Sighting(forward_mm + self.ground.offset_mm, cut=cut, label="something thin on the floor")
 
 
 def between(flat: Bools, raised: Bools) -> Bools:

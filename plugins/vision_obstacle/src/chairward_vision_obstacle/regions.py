@@ -32,10 +32,10 @@ NEAR_QUANTILE = 0.15
 
 
 class Sighting(NamedTuple):
-    """Something ahead, mm from the footprint; hidden: its foot is (partly) below the picture."""
+    """Something ahead, mm from the footprint; cut: the picture's edge cuts it off, so it is at most so far."""
 
     ahead_mm: float
-    hidden: bool
+    cut: bool = False
     label: str = "obstacle"
 
 
@@ -91,12 +91,12 @@ def _sighting(region: Bools, unlike: Bools, stereo_mm: Floats, ground: Ground) -
     row, foot_mm = _foot((region | (grown & unlike)) & ground.corridor, ground) or foot
     if row < ground.bottom - 2:
         agree = NEARER * near_mm <= foot_mm <= FARTHER * near_mm
-        return Sighting(min(foot_mm, near_mm), hidden=False) if agree else None
+        return Sighting(min(foot_mm, near_mm)) if agree else None
     # The foot is below the picture: nearer than the nearest floor seen. Only what rises above the horizon can be
     # told from a stain that reaches down to the picture's edge.
     rises = bool(region[: ground.horizon_row].any())
     if rises and near_mm <= ground.nearest_mm * FARTHER:
-        return Sighting(min(near_mm, ground.nearest_mm), hidden=True)
+        return Sighting(min(near_mm, ground.nearest_mm))
     return None
 
 

@@ -59,8 +59,8 @@ class Track:
         """What is ahead in the picture captured at now_ns; shift: how the floor moved since the picture before."""
         self._move(now_ns, shift)
         carried = self._carried
-        if sighting is not None and sighting.hidden and carried is not None:
-            # Its near edge is cut off by the picture's edge: it is at most so far, and as near as it was expected.
+        if sighting is not None and sighting.cut and carried is not None:
+            # The picture's edge cuts its near edge off: it is as near as was to be expected.
             sighting = sighting._replace(ahead_mm=min(sighting.ahead_mm, carried.ahead_mm))
         self._seen.append(sighting)
         current = self._confirmed(now_ns)
