@@ -5,6 +5,8 @@ All but `latency` and `cpu` run in firmware time, so a busy machine makes them s
 
 from __future__ import annotations
 
+import importlib
+import inspect
 import os
 import random
 import resource
@@ -16,6 +18,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -24,6 +27,7 @@ from chairward.shared_state import SharedState
 from chairward_drive_pic_serial import wire
 from chairward_drive_pic_serial.agreement import Pair, disagreement
 from chairward_drive_pic_serial.corruption import corrupt
+from chairward_drive_pic_serial.describe import describe
 from chairward_drive_pic_serial.drive import PicSerialDrive
 from chairward_drive_pic_serial.engine import Engine, ModelEngine
 from chairward_drive_pic_serial.gpsim import Gpsim
@@ -221,6 +225,61 @@ def calls(runs: int = 5000) -> None:
     _live("model", body)
     print(_spread("calls: poll + command, CPU time", took, "us"), f"mean {statistics.mean(took):.1f} us")
     assert threading.active_count() == 1
+
+
+def _named(error: DriveError, port: str) -> None:
+    if port not in str(error):
+        raise AssertionError(f"does not name its port: {error}")
+
+
+@app.command()
+def fuzz(seconds: int = 60) -> None:
+    """Coverage-guided fuzzing of the host's parser and drive (needs atheris: `pip install atheris`).
+
+    Whatever bytes a controller sends, in whatever pieces: no exception but DriveError, never armed without arm().
+    """
+    try:
+        atheris: Any = importlib.import_module("atheris")
+    except ImportError:
+        print("atheris is not installed: pip install atheris", file=sys.stderr)
+        raise typer.Exit(1) from None
+    for owner in (wire, wire.Splitter, PicSerialDrive):
+        for function in vars(owner).values():
+            if inspect.isfunction(function) and function.__module__.startswith("chairward_drive_pic_serial"):
+                function.__code__ = atheris.instrument_func(function).__code__
+    master, slave = os.openpty()
+    os.set_blocking(master, False)
+    settings = PicSerialSettings(port=os.ttyname(slave))
+
+    def one(data: bytes) -> None:
+        provider = atheris.FuzzedDataProvider(data)
+        drive, now = PicSerialDrive(settings), 1_000_000_000
+        try:
+            drive.connect(now)
+            while provider.remaining_bytes():
+                raw = provider.ConsumeBytes(provider.ConsumeIntInRange(1, 24))
+                if provider.ConsumeBool():  # a sound frame around what was found
+                    raw = wire.encode(raw[:10])
+                os.write(master, raw)
+                now += 7_000_000
+                try:
+                    assert not drive.poll(now).armed
+                    drive.command(now, Motion(100.0, 0.0))
+                except DriveError as error:
+                    _named(error, settings.port)
+                for payload in wire.Splitter().feed(raw):
+                    assert describe(payload)
+                try:
+                    os.read(master, 65536)
+                except BlockingIOError:
+                    continue
+        except DriveError as error:
+            _named(error, settings.port)
+        finally:
+            drive.close()
+
+    atheris.Setup([sys.argv[0], f"-max_total_time={seconds}", "-max_len=400"], one)
+    atheris.Fuzz()
 
 
 if __name__ == "__main__":
