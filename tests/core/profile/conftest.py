@@ -84,6 +84,7 @@ class Offers:
             component("button", gives=(Press, Alive)),
             component("sonar", gives=(RangeReading,)),
             component("tilt", gives=(Veto,)),
+            component("clap", gives=(Intent, Alive)),
             component("stick", gives=(Stick, Alive, Press)),
         ]
 

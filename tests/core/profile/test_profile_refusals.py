@@ -142,6 +142,8 @@ def test_a_person_may_set_of_a_component_only_what_the_chair_offers_or_a_mark_al
 def test_voice_alone_without_a_stop_device_is_refused(house) -> None:
     del house.chair["lane"]["panel"]
     assert house.refused().startswith("chairs/test.toml: no lane has stop_device = true")
+    house.chair["lane"]["voice"] = {"source": "clap"}
+    assert house.refused().startswith("chairs/test.toml: no lane has stop_device = true")
 
 
 def test_a_held_stick_needs_no_stop_device_for_it_stops_when_let_go(house) -> None:
