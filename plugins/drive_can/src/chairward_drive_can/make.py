@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from chairward_drive_can.drive import CanDrive
+from chairward_drive_can.frames import Frame
 from chairward_drive_can.settings import CanSettings
 
 
@@ -13,7 +14,12 @@ def make(settings: CanSettings, chair_dir: Path = Path()) -> CanDrive:
     if settings.dialect == "rnet":
         from chairward_drive_can.rnet_dialect import RnetDialect
 
-        return CanDrive(settings, lambda: RnetDialect(settings))
+        exchange: list[Frame] = []
+        if settings.rnet.takeover == "emulate" and settings.rnet.startup:
+            from chairward_drive_can import startup
+
+            exchange = startup.load(chair_dir / settings.rnet.startup)
+        return CanDrive(settings, lambda: RnetDialect(settings, exchange))
     if settings.dialect == "dbc":
         from chairward_drive_can.dbc import DbcDialect, load
 

@@ -18,7 +18,10 @@ FULL = 100
 
 @dataclass(frozen=True, slots=True)
 class Joystick:
-    """Deflection, -100..100: right is positive x, forward positive y. Every 10 ms from each joystick module."""
+    """Deflection, -100..100: right is positive x, forward positive y. Every 10 ms from each joystick module.
+
+    What is beyond 100 is a deflection all the same: a hand, or a fault, is on the stick.
+    """
 
     device: int
     x: int
@@ -189,17 +192,9 @@ class Startup:
         return f"start-up: {self.step}"
 
 
-@dataclass(frozen=True, slots=True)
-class Tones:
-    """The joystick module plays four tones."""
-
-    def __str__(self) -> str:
-        return "tones"
-
-
 Event = (
     Joystick | ModuleAlive | PowerAlive | SpeedSetting | Horn | LightKey | Lights | Battery | MotorCurrent | Odometer
-    | Wheels | Profile | Trip | Asleep | NetworkError | Startup | Tones
+    | Wheels | Profile | Trip | Asleep | NetworkError | Startup
 )  # fmt: skip
 
 TRIPS = {
@@ -255,9 +250,9 @@ def _decode_standard(frame: Frame) -> Event | None:
     if number == 0x00E and len(data) == 8:
         return ModuleAlive(data.hex())
     if number == 0x051 and len(data) == 4:
-        return Profile("profile", data[2] >> 4 if data[2] > 15 else data[2])
+        return Profile("profile", data[1] & 0xF)
     if number == 0x061 and len(data) == 4:
-        return Profile("mode suspended" if data[0] & 0x40 else "mode", data[2] >> 4 if data[2] > 15 else data[2])
+        return Profile("mode suspended" if data[0] & 0x40 else "mode", data[1] & 0xF)
     if number in _STARTUP:
         return Startup(_STARTUP[number])
     if 0x780 <= number <= 0x79F or 0x040 <= number <= 0x04F:
@@ -270,7 +265,7 @@ def _decode_extended(frame: Frame) -> Event | None:
     family = number & 0xFFFFF0FF
     if family == JOYSTICK and len(data) == 2:
         x, y = (byte - 256 if byte > 127 else byte for byte in data)
-        return Joystick(device, x, y) if abs(x) <= FULL and abs(y) <= FULL else None
+        return Joystick(device, x, y)
     if number == 0x03C30F0F:
         return ModuleAlive()
     if family == 0x0C140000 and len(data) == 1:
@@ -300,8 +295,6 @@ def _decode_extended(frame: Frame) -> Event | None:
         return Asleep(f"module {device} powers down")
     if family == 0x0C000000 and not data:
         return NetworkError(device)
-    if number == 0x181C0D00:
-        return Tones()
-    if number >> 20 == 0x1F0 >> 4 and frame.remote:
-        return Startup("serial number asked")
-    return Startup("serial number") if number >> 24 == 0x1F else None
+    if number >> 24 == 0x1F:
+        return Startup("serial number asked" if frame.remote else "serial number")
+    return None

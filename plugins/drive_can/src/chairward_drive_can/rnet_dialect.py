@@ -10,11 +10,14 @@ from chairward_drive_can.dialect import Report
 from chairward_drive_can.frames import MS, Frame
 from chairward_drive_can.scale import deflection, signed
 from chairward_drive_can.settings import CanSettings
+from chairward_drive_can.startup import MODULES, MODULES_PERIOD_NS, Startup
 from chairward_drive_can.takeover import refusals
 
 JOYSTICK_SILENT_NS = 50 * MS
 POWER_SILENT_NS = 1500 * MS
 """The slowest thing the power module says by itself comes once a second."""
+NO_JOYSTICK_NS = 500 * MS
+"""`emulate` listens that long for a joystick module before it takes its place."""
 POWER_QUIET_NS = 500 * MS
 """Its motor current comes every 200 or 250 ms."""
 
@@ -23,9 +26,13 @@ class RnetDialect:
     """takeover `follow`: one frame behind each centred frame of the user's joystick, so a hand on it always wins.
     `jsm_error`, `emulate`: one frame every tick, and a joystick that speaks up ends the motion."""
 
-    def __init__(self, settings: CanSettings) -> None:
+    def __init__(self, settings: CanSettings, exchange: Sequence[Frame] = ()) -> None:
         self._settings = settings
         self._mode = settings.rnet.takeover
+        self._startup: Startup | None = None
+        if self._mode == "emulate" and not refusals(settings):
+            self._startup = Startup(list(exchange), bytes.fromhex(settings.rnet.serial))
+        self._began_ns = self._modules_ns = 0
         self.period_ns, self.window = rnet.JOYSTICK_PERIOD_MS * MS, 2
         self.quiet_ns = JOYSTICK_SILENT_NS if self._mode == "follow" else POWER_QUIET_NS
         self._heard_ns = self._stick_ns = self._power_ns = self._touched_ns = self._armed_ns = 0
@@ -38,10 +45,19 @@ class RnetDialect:
     def is_command(self, frame: Frame) -> bool:
         return frame.extended and frame.id & 0xFFFFF0FF == rnet.JOYSTICK
 
-    def setup(self, _now_ns: int) -> Sequence[Frame]:
-        return ()
+    def setup(self, now_ns: int) -> Sequence[Frame]:
+        self._began_ns = self._began_ns or now_ns
+        startup = self._startup
+        if startup is None or now_ns - max(self._began_ns, self._stick_ns) < NO_JOYSTICK_NS:
+            return ()
+        if startup.done and now_ns - self._power_ns > POWER_SILENT_NS:
+            startup.reset()
+        return () if startup.done else startup.due(now_ns)
 
     def hear(self, frame: Frame, now_ns: int, motion: Motion | None) -> Sequence[Frame]:
+        if self._startup is not None and not self._startup.done:
+            self._startup.hear(frame, now_ns)
+            self._power_ns = now_ns if self._startup.done else self._power_ns
         event = rnet.decode(frame)
         if event is None:
             return ()
@@ -72,7 +88,7 @@ class RnetDialect:
                 self._stop(self._trip)
             case rnet.Asleep(what):
                 self._stop(f"R-Net: {what}; switch the chair on and arm again")
-            case rnet.Startup(step) if step in ("is anybody there", "run"):
+            case rnet.Startup(step) if self._startup is None and step in ("is anybody there", "run"):
                 self._trip, self._charging, self._power_value = "", False, None
                 if self._armed:
                     self._stop("R-Net: the chair was switched on again; arm again")
@@ -97,8 +113,10 @@ class RnetDialect:
     def command(self, now_ns: int, motion: Motion, _hard_stop: bool) -> Sequence[Frame]:
         if motion != STILL:
             self._standing = False
-        if self._mode in ("jsm_error", "emulate") and self._armed:
+        if self._mode == "jsm_error" and self._armed:
             return (self._frame(motion),)
+        if self._startup is not None and self._startup.done:
+            return (self._frame(motion if self._armed else STILL), *self._alive(now_ns, self._startup))
         if self._armed and now_ns - self._stick_ns > JOYSTICK_SILENT_NS:
             self._stop("R-Net: the user's joystick has fallen silent, there is nothing to follow; is the chair on?")
         return ()
@@ -106,9 +124,9 @@ class RnetDialect:
     def report(self, now_ns: int) -> Report:
         return Report(
             heard_ns=self._heard_ns,
-            ready=True,
+            ready=self._startup is None or self._startup.done,
             armed=self._armed and now_ns - self._power_ns <= POWER_SILENT_NS,
-            fault=self._fault,
+            fault=self._fault or (self._startup.fault if self._startup else ""),
             speed_mm_s=0.0 if self._standing else None,
             stopped_by_user=self._touched and now_ns - self._stick_ns <= JOYSTICK_SILENT_NS,
             battery=self._battery,
@@ -134,6 +152,14 @@ class RnetDialect:
         elif self._armed and self._mode == "follow" and motion is not None and motion != STILL:
             return (self._frame(motion),)
         return ()
+
+    def _alive(self, now_ns: int, startup: Startup) -> list[Frame]:
+        """What a joystick module says beside its frames, in its periods, as long as the guard lives."""
+        frames = startup.alive(now_ns)
+        if now_ns - self._modules_ns >= MODULES_PERIOD_NS:
+            self._modules_ns = now_ns
+            frames.append(MODULES)
+        return frames
 
     def _frame(self, motion: Motion) -> Frame:
         settings = self._settings

@@ -1,8 +1,8 @@
 """A simulated R-Net chair: a power module, and the user's joystick module unless it is left out.
 
 Periods and start-up as observed on real chairs (joystick 10 ms, serial 50 ms, modules 100 ms, power module 100/900 ms,
-motor current 200 ms, battery and odometer 1 s). What a real power module does when joystick frames stop is NOT known;
-this one stops after `silence_ms`.
+motor current 200 ms, battery and odometer 1 s). Without a joystick module, `power` wants the whole start-up exchange.
+What a real power module does when joystick frames stop is NOT known; this one stops after `silence_ms`.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from chairward_drive_can import rnet
 from chairward_drive_can.frames import MS, Frame
 from chairward_drive_can.partners.body import Body
+from chairward_drive_can.partners.rnet_startup import PowerModule
 
 SERIAL = bytes.fromhex("08901C8A00000000")
 
@@ -35,6 +36,7 @@ class RnetChair:
     locked_out: bool = False
     network_errors: int = 0
     stopped_by_silence: int = 0
+    power: PowerModule | None = None
     _born_ns: int = 0
     _last_ns: int = 0
     _stick_heard_ns: int = 0
@@ -44,6 +46,8 @@ class RnetChair:
 
     def hear(self, frame: Frame, now_ns: int) -> list[Frame]:
         """What a frame from the host brings about."""
+        if self.power is not None and not self.power.running:
+            return self.power.hear(frame)
         match rnet.decode(frame):
             case rnet.Joystick(device, x, y) if device == self.device:
                 self.moves_heard += (x, y) != (0, 0)
@@ -68,7 +72,7 @@ class RnetChair:
         return list(self._speak(now_ns))
 
     def _speak(self, now_ns: int) -> Iterator[Frame]:
-        running = now_ns - self._born_ns >= self.startup_ms * MS
+        running = now_ns - self._born_ns >= self.startup_ms * MS and (self.power is None or self.power.running)
         if self.joystick_module and not self.locked_out:
             if self._first("hello", now_ns):
                 yield Frame(0x00C)
