@@ -61,6 +61,18 @@ stop = "stop"
 MS = 1_000_000
 
 
+def duty(path: Path) -> float:
+    """The drive motor's duty at a controller's pins, 0..1; 0 when its brake is on or nothing is published."""
+    if not path.exists():
+        return 0.0
+    pins = SharedState.attach(path)
+    try:
+        values = pins.read()
+    finally:
+        pins.close()
+    return 0.0 if values["brake"] else values["drive_duty"]
+
+
 @dataclass(slots=True)
 class Rig:
     """The running chair. `records` holds everything the guard published."""
@@ -71,6 +83,7 @@ class Rig:
     thread: threading.Thread | None = None
     code: int | None = None
     error: BaseException | None = None
+    pins: Path | None = None
 
     def wait(self, condition: Callable[[], bool], what: str, seconds: float = 40.0) -> None:
         """Wait for something to become true; fails with `what` and the log of the run."""
@@ -94,15 +107,7 @@ class Rig:
 
     def duty(self) -> float:
         """The drive motor's duty at the controller's pins, 0..1; 0 when its brake is on."""
-        path = self.run_dir / "pins"
-        if not path.exists():
-            return 0.0
-        pins = SharedState.attach(path)
-        try:
-            values = pins.read()
-        finally:
-            pins.close()
-        return 0.0 if values["brake"] else values["drive_duty"]
+        return duty(self.pins or self.run_dir / "pins")
 
     def first_still_after(self, when_ns: int) -> Record | None:
         """The first decision at or after `when_ns` that commands no motion."""
@@ -152,10 +157,10 @@ def load(folder: Path, chair: str = CHAIR, sets: tuple[str, ...] = ()) -> Plan:
 
 
 @contextmanager
-def running(plan: Plan, run_dir: Path, *, until_driving: bool = True) -> Iterator[Rig]:
+def running(plan: Plan, run_dir: Path, *, until_driving: bool = True, pins: Path | None = None) -> Iterator[Rig]:
     """Start everything, wait until the chair drives, and end everything."""
     run_dir.mkdir(mode=0o700, exist_ok=True)
-    rig = Rig(run_dir, Supervisor(plan, run_dir, lambda record: None))
+    rig = Rig(run_dir, Supervisor(plan, run_dir, lambda record: None), pins=pins)
     rig.supervisor.on_record = rig.records.append
 
     def work() -> None:
