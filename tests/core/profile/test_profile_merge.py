@@ -100,6 +100,13 @@ def test_the_safer_side_is_open_to_a_person(chair: dict[str, Any], person: dict[
     assert all(getattr(after, key) == (frozenset(v) if key == "commands" else v) for key, v in asked.items())
 
 
+def test_what_is_free_may_go_both_ways_and_what_is_the_integrators_may_be_repeated() -> None:
+    chair = LimitsTable()
+    for seconds in (1.0, 4.0):
+        assert merge(chair, {"lease_warn_s": seconds}, "x: ").lease_warn_s == seconds
+    assert merge(chair, {"gap_limit_ms": chair.gap_limit_ms, "stop_mm": chair.stop_mm}, "x: ") == chair
+
+
 @pytest.mark.parametrize("mark", [Safer.HIGHER, Safer.LOWER, None])
 def test_what_cannot_be_compared_counts_as_looser(mark: Safer | None) -> None:
     assert looser(mark, 1.0, float("nan"))
