@@ -24,9 +24,10 @@ def main(arguments: list[str]) -> int:
     if arguments:
         return subprocess.run([*pytest, *arguments], check=False).returncode
     code = 0
+    environment = {**os.environ, "MYPYPATH": os.pathsep.join(SOURCES)}
     for check in CHECKS:
         sys.stderr.write(f"== {' '.join(check[:3])}\n")
-        code = subprocess.run(check, check=False).returncode or code
+        code = subprocess.run(check, check=False, env=environment).returncode or code
     for tests in (["-n", "2", "-m", "not processes"], ["-n", "0", "-m", "processes"]):
         # whole chairs in real processes come last and alone: they need the machine's cores to be on time
         sys.stderr.write(f"== pytest {' '.join(tests)}\n")
