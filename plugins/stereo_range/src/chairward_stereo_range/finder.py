@@ -23,6 +23,8 @@ from chairward_stereo_range.pyramid import Match, Pyramid, half_size, mean_of_fo
 from chairward_stereo_range.region import Bools, Region, RegionKind
 from chairward_stereo_range.texture import noise_sigma, periodic, textured
 
+UNCONFIRMED, UNCONFIRMABLE = 0.6, 0.3
+"""What a proposed pixel counts that full size did not confirm, or was not asked to (outside FINE_ROWS)."""
 SIDE_COVERAGE = 0.15
 SPECKS = 12
 """Smaller islands (grid pixels at 240 rows) above the floor are noise of the floor itself."""
@@ -106,6 +108,8 @@ class RangeFinder:
         self._drops = DropWatch(view, grid, half, self.scale) if view.floor_known else None
         fine = [int(row * self.scale) for row in FINE_ROWS]
         self._fine = (max(self.top, fine[0]) - self.top, min(self.bottom, fine[1]) - self.top)
+        self._trust = np.full(self._forward.shape, UNCONFIRMABLE, np.float32)
+        self._trust[self._fine[0] // 2 : self._fine[1] // 2] = UNCONFIRMED
         if options.method == "pyramid":
             self._pyramid = Pyramid(self.first, self.count, self.scale, self._fine)
         elif options.method not in thesis.LIMITS:
@@ -219,7 +223,7 @@ class RangeFinder:
 
     def _spot(self, full: Floats, candidates: Bools, sharp: Bools, rough: bool = False) -> Spot | None:
         v = self.view
-        found = nearest(full, candidates, sharp, self._forward, v.geometry.baseline_mm, self.scale, rough)
+        found = nearest(full, candidates, sharp, self._forward, self._trust, v.geometry.baseline_mm, self.scale, rough)
         if found is None:
             return None
         rows, cols = found.rows * 2 + self.top, found.cols * 2

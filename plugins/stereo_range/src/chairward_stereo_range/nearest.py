@@ -45,6 +45,7 @@ def nearest(
     candidates: npt.NDArray[np.bool_],
     sharp: npt.NDArray[np.bool_],
     forward: Floats,
+    trust: Floats,
     baseline_mm: float,
     scale: float,
     rough: bool = False,
@@ -52,9 +53,10 @@ def nearest(
     """The nearest group of candidates that is large enough to be a thing; None when there is none.
 
     disparity: half-size grid, full-size px with doffs added (Z = f B / d). sharp: pixels measured at full size, which
-    are preferred where there are enough. forward: rays (geometry.py), by which an upright thing has one distance
-    though a tilted camera sees it at many depths. scale: rows / 240. From near to far, the first window of 2.5 px that
-    holds as many pixels as a 35 x 35 mm patch would; from its peak on, what is little nearer belongs to it.
+    are preferred where there are enough; trust: what the others count, 0..1. forward: rays (geometry.py), by which an
+    upright thing has one distance though a tilted camera sees it at many depths. scale: rows / 240. From near to far,
+    the first window of 2.5 px that holds as many pixels as a 35 x 35 mm patch would; from its peak on, what is little
+    nearer belongs to it.
     rough: without the smoothing, where a centimetre or two do not matter.
     """
     values = disparity[candidates]
@@ -62,8 +64,9 @@ def nearest(
     if values.size < least:
         return None
     width = BIN_PX * scale
-    counts = np.bincount((values / width).astype(np.int32), minlength=8)
-    held = np.convolve(counts, np.ones(WINDOW, np.int64), "same")
+    weights = np.where(sharp, np.float32(1.0), trust)[candidates]
+    counts = np.bincount((values / width).astype(np.int32), weights=weights, minlength=8)
+    held = np.convolve(counts, np.ones(WINDOW), "same")
     centre = (np.arange(counts.size) + 0.5) * width
     enough = np.nonzero(held >= np.maximum(least, MIN_AREA_MM2 / 4 * (centre / baseline_mm) ** 2))[0]
     if enough.size == 0:
