@@ -142,17 +142,14 @@ def no_faster(worse: Motion, better: Motion, steer_deg_s: float) -> bool:
 def one_step(rng: Random) -> tuple[str, Motion, Motion]:
     """P2 for one decision: in the same state, facts that are worse in one thing never give a faster motion.
 
-    Except rule 6's own second thoughts: a thing that had vanished and is seen again is no longer "vanished", so scenes
-    that already hold one to be gone are not made worse by a nearer reading of it.
+    Except rule 6's own second thoughts: a thing that has vanished closes the way, the same thing seen again is judged
+    by its distance. So states that remember something near are made worse by silence only, not by nearer readings.
     """
     limits = cases.some_limits(rng)
     now_ns = START_NS
     before = cases.some_state(rng, limits, now_ns)
     facts = cases.some_heard(rng, cases.some_facts(rng, limits, now_ns, trouble=rng.choice((0.0, 0.0, 0.1, 0.4))))
-    if any(near.gone for near in before.near.values()):
-        kinds = cases.SILENCE
-    else:
-        kinds = cases.WORSE
+    kinds = cases.SILENCE if before.near else cases.WORSE
     name = rng.choice(tuple(kinds))
     worse = kinds[name](rng, facts, limits)
     _, better_one = judge(before, facts, limits)
