@@ -278,6 +278,7 @@ class _Loading:
                     may=lane.table.may,
                     stop_device=lane.table.stop_device,
                     ends_run=lane.table.ends_run,
+                    observes=lane.table.observes,
                 )
                 for lane in found
             ),
