@@ -57,7 +57,7 @@ def test_a_stage_out_of_order(command: Callable[..., Any], profiles: Path) -> No
 
 
 def test_a_file_that_is_not_toml(command: Callable[..., Any], profiles: Path) -> None:
-    (profiles / "chairs" / "sim.toml").write_text("name = 'sim\n")
+    (profiles / "chairs" / "sim.toml").write_text("name = 'sim\nkind = 'x'\n")
     refused(command("run", "--chair", "sim", "--for", "1s", CHAIRWARD_PROFILES=str(profiles)), "sim.toml", "line 1")
 
 
