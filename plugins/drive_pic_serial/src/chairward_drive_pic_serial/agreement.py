@@ -91,7 +91,7 @@ class Pair:
 
 def random_step(pair: Pair, chance: random.Random) -> Step:
     """One step of a random sequence: mostly sound frames, every kind of wrong one, inputs, silence."""
-    ticks = chance.choice([4, 4, 4, 7, 20, 60, 230, 400])
+    ticks = chance.choice([4, 4, 4, 4, 4, 4, 7, 7, 7, 20, 20, 20, 60, 60, 230, 400])
     kind = chance.random()
     if kind < 0.38:
         value = chance.choice([0, 0, 3, 20, 60, 100])
