@@ -51,12 +51,13 @@ class Memory:
         self._edge, self._length = gone_below_mm, length_mm
         self._track: deque[Seen] = deque(maxlen=30)
         self._held_mm: float | None = None
+        self._pace_mm: float | None = None
         self._driven: deque[tuple[float, float]] = deque(maxlen=30)
 
     def step(self, seen: Seen, driven_mm: float | None) -> Remembered:
         """seen: this frame. driven_mm: forward since the last frame, None unknown."""
         if self._held_mm is not None:
-            self._held_mm -= driven_mm or 0.0
+            self._held_mm -= self._carried(driven_mm)
             passed = self._held_mm < -self._length
             in_view_again = self._held_mm > self._edge + LOST_JUMP_MM
             if passed or in_view_again:
@@ -64,13 +65,29 @@ class Memory:
         self._driven.append((seen.time_s, driven_mm if driven_mm is not None else np.nan))
         last = self._track[-1] if self._track else None
         if last is not None and last.ahead_mm is not None and self._vanished(last, seen):
-            self._held_mm = min(last.ahead_mm - (driven_mm or 0.0), self._held_mm or np.inf)
+            self._pace_mm = self._pace() if last.top_mm <= 0.0 else None
+            carried = last.ahead_mm - self._carried(driven_mm)
+            self._held_mm = carried if self._held_mm is None else min(carried, self._held_mm)
         if last is None or self._jumped(last, seen):
             self._track.clear()
         self._track.append(seen)
         if self._held_mm is not None and (seen.ahead_mm is None or self._held_mm < seen.ahead_mm):
             return Remembered(max(self._held_mm, 0.0), 0.0, True)
         return Remembered(seen.ahead_mm, self._closing(), False)
+
+    def _carried(self, driven_mm: float | None) -> float:
+        """How far the held thing came nearer. Beyond the end of the floor the odometry sees a lower floor, which
+        passes more slowly: a chair that moves there is taken to go on at the pace at which it came."""
+        if driven_mm is None:
+            return 0.0
+        if self._pace_mm is not None and driven_mm > 0.3 * self._pace_mm:
+            return max(driven_mm, self._pace_mm)
+        return driven_mm
+
+    def _pace(self) -> float:
+        """mm a frame lately, on the fast side."""
+        known = [mm for _, mm in self._driven if not np.isnan(mm)]
+        return float(np.quantile(known, 0.8)) if known else 0.0
 
     def _vanished(self, last: Seen, seen: Seen) -> bool:
         """A low thing near the lower end of the view is gone, after coming nearer just as far as the chair drove."""

@@ -1,0 +1,130 @@
+"""What is remembered between frames, and when it is forgotten."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from chairward_stereo_range.memory import Confirm, Memory, Seen
+from chairward_stereo_range.odometry import FloorOdometry
+from chairward_stereo_range.tracker import Tracker
+
+DT_S = 1 / 15
+
+
+def approach(memory: Memory, start: float, step: float, edge: float, top: float = 120.0) -> tuple[int, float]:
+    """Drive at a low thing until it goes out of view; returns the frame count and the true distance then."""
+    distance, i = start, 0
+    while distance > edge:
+        memory.step(Seen(i * DT_S, distance, top), step if i else None)
+        distance -= step
+        i += 1
+    return i, distance
+
+
+@settings(max_examples=40, deadline=None)
+@given(step=st.floats(12, 60), edge=st.floats(400, 1100))
+def test_a_low_thing_gone_under_the_view_is_carried_by_the_odometry(step: float, edge: float) -> None:
+    memory = Memory(edge, 900.0)
+    i, distance = approach(memory, edge + 900.0, step, edge)
+    while distance > -900.0 + step:
+        kept = memory.step(Seen(i * DT_S, None, 0.0), step)
+        assert kept.from_memory
+        assert kept.ahead_mm == pytest.approx(max(distance, 0.0), abs=1e-6)
+        distance -= step
+        i += 1
+    for _ in range(3):
+        kept = memory.step(Seen(i * DT_S, None, 0.0), step)
+        i += 1
+    assert kept.ahead_mm is None, "forgotten once the chair has passed it"
+
+
+def test_a_standing_chair_does_not_forget() -> None:
+    memory = Memory(1000.0, 900.0)
+    i, _ = approach(memory, 1800.0, 33.0, 1000.0)
+    for k in range(300):
+        kept = memory.step(Seen((i + k) * DT_S, None, 0.0), None)
+    assert kept.from_memory
+
+
+def test_backing_off_until_its_place_is_seen_again_forgets() -> None:
+    memory = Memory(1000.0, 900.0)
+    i, _ = approach(memory, 1800.0, 33.0, 1000.0)
+    for k in range(12):
+        kept = memory.step(Seen((i + k) * DT_S, None, 0.0), -33.0)
+    assert kept.ahead_mm is None
+
+
+def test_a_tall_thing_that_vanishes_went_sideways_and_is_not_remembered() -> None:
+    memory = Memory(1000.0, 900.0)
+    i, _ = approach(memory, 1800.0, 33.0, 1000.0, top=1500.0)
+    assert memory.step(Seen(i * DT_S, None, 0.0), 33.0).ahead_mm is None
+
+
+def test_noise_that_does_not_approach_is_not_remembered() -> None:
+    memory = Memory(1000.0, 900.0)
+    for i, mm in enumerate([1060.0, 1070.0, 1055.0, 1065.0, 1060.0]):
+        memory.step(Seen(i * DT_S, mm, 80.0), 33.0)
+    assert memory.step(Seen(6 * DT_S, None, 0.0), 33.0).ahead_mm is None
+
+
+def test_closing_speed_is_what_is_left_after_the_chairs_own() -> None:
+    own, walker = 33.0, 60.0
+    standing, walking = Memory(0.0, 900.0), Memory(0.0, 900.0)
+    for i in range(12):
+        still = standing.step(Seen(i * DT_S, 2500.0 - own * i, 1500.0), own)
+        moving = walking.step(Seen(i * DT_S, 2500.0 - (own + walker) * i, 1500.0), own)
+    assert still.closing_mm_s == 0.0
+    assert moving.closing_mm_s == pytest.approx(walker / DT_S, rel=0.05)
+
+
+def test_an_edge_counts_when_seen_in_two_of_three_frames() -> None:
+    confirm = Confirm()
+    assert [confirm.step(x) for x in (True, False, True, True, False, False, False)] == [
+        False,
+        False,
+        True,
+        True,
+        True,
+        False,
+        False,
+    ]
+
+
+@pytest.mark.parametrize("step", [0.0, 20.0, 45.0, -25.0])
+def test_the_floor_tells_how_far_the_chair_drove(tools: Any, step: float) -> None:
+    odometry = FloorOdometry(tools.finder().view)
+    moved = [odometry.step(tools.render(tools.room(driven_mm=400.0 + step * i, seed=i))[0]) for i in range(4)]
+    assert moved[0] is None
+    for mm in moved[1:]:
+        assert mm == pytest.approx(step, abs=9.0)
+
+
+def test_a_plain_floor_tells_nothing(tools: Any) -> None:
+    odometry = FloorOdometry(tools.finder().view)
+    moved = [odometry.step(tools.render(tools.room(floor="plain", driven_mm=30.0 * i, seed=i))[0]) for i in range(3)]
+    assert moved == [None, None, None]
+
+
+@pytest.mark.parametrize("mount", ["a", "b"])
+def test_a_low_box_is_still_there_after_it_has_left_the_picture(tools: Any, mount: str) -> None:
+    pose = tools.mount_a if mount == "a" else tools.mount_b
+    tracker = Tracker(tools.finder(pose))
+    box = tools.board(1900.0, left_mm=200.0, right_mm=-200.0, top_mm=150.0)
+    for i in range(48):
+        left, right = tools.render(tools.room((box,), driven_mm=33.0 * i, seed=i), pose=pose)
+        last = tracker.step(left, right, int(i * DT_S * 1e9))
+    assert last.ahead_mm == pytest.approx(1900.0 - 47 * 33.0, abs=130.0)
+
+
+@pytest.mark.parametrize("mount", ["a", "b"])
+def test_a_step_down_is_still_there_after_it_has_left_the_picture(tools: Any, mount: str) -> None:
+    pose = tools.mount_a if mount == "a" else tools.mount_b
+    tracker = Tracker(tools.finder(pose))
+    for i in range(48):
+        room = tools.room(floor_to_mm=2000.0, floor_below_mm=250.0, driven_mm=33.0 * i, seed=i)
+        last = tracker.step(*tools.render(room, pose=pose), int(i * DT_S * 1e9))
+    assert last.ahead_mm <= 600.0
