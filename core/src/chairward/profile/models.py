@@ -157,7 +157,7 @@ class LaneTable(Strict):
     may: frozenset[Button] = Field(default=frozenset(), description="the buttons it is entitled to press")
     stop_device: bool = Field(default=False, description="a person's means of stopping; must be alive to drive")
     ends_run: bool = Field(default=False, description="the run ends when its source has given everything")
-    observes: bool = Field(default=False, description="its source is a screen: it gets copies of all records and pictures")
+    observes: bool = Field(default=False, description="its source is a screen: it sees all records and pictures")
     settings: dict[str, Table] = Field(default={}, description="of its components, over the chair's settings")
 
 
