@@ -28,6 +28,7 @@ HANG_S = 20.0
 UART_ROOM = 10
 """Bytes that gpsim's UART module is given at once; it silently loses what is too much (16 and more)."""
 _BYTE = re.compile(rb"<([0-9A-F]{2})>")
+_LAST = re.compile(rb"fault\S* = \$([0-9a-f]{2})\b")
 _SCRIPT = """load s drive.cod
 frequency 20000000
 p16f877a.BreakOnReset = false
@@ -84,6 +85,7 @@ class Gpsim:
         self._line_free = 0.0
         self._out = bytearray()
         self._unread = b""
+        self._read = False
         self._portd = self._steer = self._drive = self._state = self._fault = 0
         self.now = 0
         self.set_inputs(battery=battery)
@@ -116,18 +118,12 @@ class Gpsim:
             self.now = max(until, self.now + 1)
             self._asked += [f"break c {self.now}", "run"]
         self.now = end
-        self._asked += [f"break c {self.now}", "run", "portd", "ccpr1l", "ccpr2l"]
-        self._asked += [f"reg({STATE:#x})", f"reg({FAULT:#x})"]
+        self._asked += [f"break c {end}", "run"]
         self._write("\n".join(self._asked) + "\n")
         self._asked.clear()
-        text = self._until(re.compile(rb"fault\S* = \$([0-9a-f]{2})\b"))
-        ran = text[text.index(b"running...") :]
-        self._out += bytes(int(pair, 16) for pair in _BYTE.findall(ran))
-        self._portd = _value(ran, rb"portd")
-        self._steer = _value(ran, rb"ccpr1l")
-        self._drive = _value(ran, rb"ccpr2l")
-        self._state = _value(ran, rb"state")
-        self._fault = _value(ran, rb"fault")
+        self._read = False
+        text = self._until(re.compile(rb"cycle break: \S+ = %d\b" % end))
+        self._out += bytes(int(pair, 16) for pair in _BYTE.findall(text))
 
     def line_clear_s(self) -> float:
         """Not told: look every millisecond."""
@@ -135,6 +131,7 @@ class Gpsim:
 
     def pins(self) -> Pins:
         """Ports and PWM registers as pins."""
+        self._look()
         d = self._portd
         return Pins(
             d & 1,
@@ -150,6 +147,7 @@ class Gpsim:
 
     def registers(self) -> tuple[int, int]:
         """(state, fault) from RAM."""
+        self._look()
         return self._state, self._fault
 
     def set_inputs(self, *, stop: bool | None = None, charger: bool | None = None, battery: int | None = None) -> None:
@@ -182,6 +180,16 @@ class Gpsim:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _look(self) -> None:
+        """Ask for ports and registers, once for each advance: asking costs more than running."""
+        if self._read:
+            return
+        self._write(f"portd\nccpr1l\nccpr2l\nreg({STATE:#x})\nreg({FAULT:#x})\n")
+        text = self._until(_LAST)
+        self._portd, self._steer, self._drive = (_value(text, name) for name in (b"portd", b"ccpr1l", b"ccpr2l"))
+        self._state, self._fault = _value(text, b"state"), _value(text, b"fault")
+        self._read = True
 
     def _write(self, text: str) -> None:
         assert self._process.stdin is not None
