@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import time
+
+import canopen
 import pytest
+from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable, datatypes
 
 from chairward.components import DriveError, Motion
 from chairward_drive_can.cia402 import next_control_word, state_of
 from chairward_drive_can.make import make
-from chairward_drive_can.partners.cia402 import Cia402Chair, MotorNode
+from chairward_drive_can.partners.cia402 import DEFAULTS, Cia402Chair, MotorNode
 from chairward_drive_can.settings import CanSettings
 
 S = 1_000_000_000
@@ -144,3 +148,45 @@ def test_two_nodes_on_one_side_are_refused_by_the_settings() -> None:
 def test_the_guard_ticks_at_the_period_of_the_chair_file() -> None:
     settings = CanSettings.model_validate({"dialect": "cia402", "cia402": {"period_ms": 10}})
     assert make(settings).period_ns == 10_000_000
+
+
+def dictionary() -> ObjectDictionary:
+    """What a controller of another make would have: the objects of our set-up, as the canopen package keeps them."""
+    kinds = {1: datatypes.UNSIGNED8, 2: datatypes.UNSIGNED16, 4: datatypes.UNSIGNED32}
+    made, parts = ObjectDictionary(), {index: sub for index, sub in DEFAULTS if sub}
+    for (index, sub), (value, size) in DEFAULTS.items():
+        variable = ODVariable(f"{index:04X}.{sub}", index, sub)
+        variable.data_type, variable.access_type, variable.default = kinds[size], "rw", value
+        if index not in parts:
+            made.add_object(variable)
+            continue
+        if index not in made:
+            made.add_object(ODRecord(f"{index:04X}", index))
+        made[index].add_member(variable)
+    return made
+
+
+def test_a_node_of_the_canopen_package_understands_our_set_up(cia402_settings: CanSettings) -> None:
+    place = {"interface": "virtual", "channel": "foreign-nodes"}
+    network = canopen.Network()
+    network.connect(**place)
+    network.NOTIFIER_SHUTDOWN_TIMEOUT = 1.0
+    foreign = [canopen.LocalNode(number, dictionary()) for number in (1, 2)]
+    for node in foreign:
+        network.add_node(node)
+    drive = make(cia402_settings.model_copy(update=place))
+    try:
+        end = time.monotonic() + 10.0
+        while any(node.nmt.state != "OPERATIONAL" for node in foreign):
+            assert time.monotonic() < end, drive.poll(time.monotonic_ns()).fault
+            drive.connect(time.monotonic_ns())
+            drive.poll(time.monotonic_ns())
+        for number, node in enumerate(foreign, start=1):
+            assert node.sdo[0x1400][5].raw == 100
+            assert node.sdo[0x1016][1].raw == 127 << 16 | 150
+            assert node.sdo[0x1400][1].raw == 0x200 + number
+            assert node.sdo[0x6007].raw == 3
+            assert node.sdo[0x1A00][2].raw == 0x606C0020
+    finally:
+        drive.close()
+        network.disconnect()

@@ -156,6 +156,12 @@ def open_bus(settings: CanSettings, *, listen_only: bool = False) -> Bus:
         raise DriveError(f"{name} cannot be opened: {sentence(error)}; {advice(settings)}") from error
 
 
+def preload() -> None:
+    """Import the libraries now, where a guard is being made, and not in the tick that first opens the interface."""
+    import can  # noqa: F401 - for its effect
+    import serial  # noqa: F401
+
+
 def bus_errors() -> tuple[type[Exception], ...]:
     """What reading and writing may raise when the interface is gone (termios.error is no OSError)."""
     import can

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from chairward_drive_can.bus import preload
 from chairward_drive_can.drive import CanDrive
 from chairward_drive_can.frames import Frame
 from chairward_drive_can.settings import CanSettings
@@ -11,6 +12,7 @@ from chairward_drive_can.settings import CanSettings
 
 def make(settings: CanSettings, chair_dir: Path = Path()) -> CanDrive:
     """The drive with its dialect; relative files are looked for beside the chair file. Raises DriveError."""
+    preload()
     if settings.dialect == "rnet":
         from chairward_drive_can.rnet_dialect import RnetDialect
 
