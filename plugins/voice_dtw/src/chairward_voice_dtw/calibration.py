@@ -20,6 +20,10 @@ EVIDENCE = (
     "distance / other words' spread",
     "backwards / distance",
     "distance",
+    "noise taken off: distance / own spread",
+    "noise taken off: distance / second word",
+    "noise taken off: distance / other words' spread",
+    "distance / median of templates",
     "length ratio",
     "diagonal share",
     "peak over room",
@@ -27,23 +31,27 @@ EVIDENCE = (
 )
 WEIGHTS = np.array(
     [
-        0.795,
-        -2.425,
-        -6.168,
-        -4.444,
-        -3.342,
-        -4.763,
-        -3.366,
-        -2.682,
-        8.531,
-        2.576,
-        1.957,
-        10.773,
-        -1.260,
-        1.189,
+        1.106,
+        4.203,
+        -5.885,
+        -0.956,
+        -4.025,
+        -4.339,
+        -2.037,
+        -0.365,
+        7.957,
+        3.342,
+        -0.613,
+        -10.106,
+        -3.925,
+        -1.655,
+        2.052,
+        10.023,
+        -1.328,
+        1.328,
     ]
 )
-BIAS = -3.598
+BIAS = -4.423
 
 
 def score(evidence: npt.NDArray[np.float64]) -> float:

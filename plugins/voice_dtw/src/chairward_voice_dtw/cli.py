@@ -153,6 +153,33 @@ def try_words(
 
 
 @words.command()
+def show(path: Annotated[Path, typer.Argument(help="a sound file")]) -> None:
+    """Draw the mel spectrum of a recording: a column for each 10 ms, low bands at the bottom."""
+    from chairward_voice_dtw.audio import RATE_HZ, SoundError, read_wav
+    from chairward_voice_dtw.frontend import MelStream
+
+    try:
+        mel = MelStream().push(read_wav(path, RATE_HZ)[0])
+    except SoundError as error:
+        raise fail(error) from None
+    for row in shades(mel.T[::-1].tolist()):
+        typer.echo(row)
+
+
+def shades(bands: list[list[float]], inks: str = " .:-=+*#%@") -> list[str]:
+    """Rows of power as characters: the darkest within 5 dB of the loudest, blank 50 dB under it."""
+    from math import log10
+
+    loudest = max((max(row, default=0.0) for row in bands), default=0.0) + 1e-12
+
+    def ink(power: float) -> str:
+        step = int((10.0 * log10((power + 1e-12) / loudest) + 50.0) / 5.0)
+        return inks[min(max(step, 0), len(inks) - 1)]
+
+    return ["".join(ink(power) for power in row) for row in bands]
+
+
+@words.command()
 def evaluate(
     manifest: Annotated[Path, typer.Argument(help="csv with path, word, speaker, role, source")],
     templates: Annotated[int, typer.Option("--templates", min=1, max=20, help="recordings of each word to use")] = 3,

@@ -45,6 +45,7 @@ class Matcher:
         self._clean, self._lengths = dtw.pack(clean)
         self._level = np.array([max(float(np.percentile(c.sum(axis=1), 80)), 1e-9) for c in clean])
         packed, lengths = dtw.pack([features(c) for c in clean])
+        self._quiet = packed
         table = np.array([dtw.distances(packed[i, : lengths[i]], packed, lengths) for i in range(len(clean))])
         table = np.minimum(table, 1e3)
         self._own, self._between = self._spreads(table)
@@ -85,6 +86,10 @@ class Matcher:
         elsewhere = near[self._word_of != best]
         free_own = float(near[mine].min(axis=0).mean())
         free_others = float(elsewhere.min(axis=0).mean()) if len(elsewhere) else 1.2 * free_own
+        freed = np.minimum(dtw.distances(features(subtract(mel, noise)), self._quiet, self._lengths), 1e3)
+        freed_by_word = np.array([freed[self._word_of == w].min() for w in range(len(self.words))])
+        # capped at 1.5 times the best: beyond that, farther means nothing more
+        freed_others = np.delete(freed_by_word, best).min(initial=1.5 * freed_by_word[best])
         worst, straight = dtw.path_shape(x, moved[template, : self._lengths[template]], dtw.BAND, WORST_FRAMES)
         ratios = np.log(
             np.maximum(
@@ -99,6 +104,10 @@ class Matcher:
                     d1 / self._between[best],
                     float(backwards.min()) / d1,
                     d1,
+                    float(freed_by_word[best]) / self._own[best],
+                    float(freed_by_word[best]) / max(float(freed_others), 1e-6),
+                    float(freed_by_word[best]) / self._between[best],
+                    float(every.min()) / max(float(np.median(every)), 1e-6),
                 ],
                 1e-9,
             )
