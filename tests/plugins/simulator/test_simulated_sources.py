@@ -94,6 +94,13 @@ def test_cameras_keep_their_rate_and_drop_what_nobody_fetched(context, world) ->
     frames = [cameras.read(1.0) for _ in range(4)]
     assert all(frames)
     assert time.monotonic() - begin > 0.09  # no burst of old frames
+    cameras.close()
+
+
+def test_cameras_give_nothing_before_the_next_frame_is_due(context, world) -> None:
+    cameras = make("sim_cameras", context, fps=1.0)
+    cameras.open()
+    assert cameras.read(1.0) is not None
     assert cameras.read(0.0) is None
     cameras.close()
 

@@ -20,8 +20,7 @@ def test_tour_shows_all_that_the_demo_must_show_within_a_minute(make_chair) -> N
     assert world.now_s < 58.0
 
 
-@pytest.mark.parametrize("answer_s", [0.2, 0.5, 0.8])
-@pytest.mark.parametrize("step_gain", [0.85, 1.0])
+@pytest.mark.parametrize(("answer_s", "step_gain"), [(0.2, 0.85), (0.8, 1.0), (0.8, 0.85)])
 def test_tour_is_a_closed_loop_slow_answers_and_uneven_steps_only_cost_time(make_chair, answer_s, step_gain) -> None:
     report = make_chair(answer_s=answer_s, step_gain=step_gain).run(150.0).report()
     assert report["tour_done"], report
@@ -30,7 +29,7 @@ def test_tour_is_a_closed_loop_slow_answers_and_uneven_steps_only_cost_time(make
     assert report["collisions"] == []
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_misheard_words_do_not_derail_the_tour(make_chair, seed) -> None:
     report = make_chair(misheard=0.15, rng=Random(seed)).run(300.0).report()
     assert report["tour_done"], report

@@ -38,3 +38,32 @@ def home(file: File = None, picture: Picture = None) -> None:
         typer.echo(f"chairward: {picture}: cannot be written: name a .png in a folder that exists", err=True)
         raise typer.Exit(2)
     typer.echo(f"wrote {picture}")
+
+
+def ride(
+    chair: Annotated[str, typer.Option(help="chair file whose stages, rules and limits are used")] = "sim",
+    person: Annotated[str | None, typer.Option(help="who drives; default: the chair file's own")] = None,
+    sets: Annotated[list[str] | None, typer.Option("--set", help="component.key=value")] = None,
+    seconds: Annotated[float, typer.Option(min=1.0, help="simulated seconds at most")] = 60.0,
+    as_json: Annotated[bool, typer.Option("--json", help="only the report, as JSON")] = False,
+) -> None:
+    """Drive the tour in simulated time: real stages and rules, no processes, wire or firmware; for tuning a home."""
+    import json
+    import tempfile
+
+    from chairward import profile
+    from chairward.plugins import PluginError, discover
+    from chairward_simulator.ride import ride as rides
+
+    registry = discover()
+    with tempfile.TemporaryDirectory(prefix="chairward-ride-") as folder:
+        try:
+            plan = profile.load(chair, person, sets or [], registry)
+            for said in rides(plan, registry, Path(folder), seconds):
+                if isinstance(said, dict):
+                    typer.echo(json.dumps(said, indent=1))
+                elif not as_json:
+                    typer.echo(said)
+        except (ValueError, PluginError) as error:
+            typer.echo(f"chairward: {error}", err=True)
+            raise typer.Exit(2) from None

@@ -83,8 +83,9 @@ def chairward_companions() -> Sequence[Component]:
 
 @hookimpl
 def chairward_commands(app: typer.Typer) -> None:  # noqa: ARG001 - joins the group that core already has
-    """`chairward sim home`."""
+    """`chairward sim home` and `chairward sim ride`."""
     from chairward.cli import sim
-    from chairward_simulator.commands import home
+    from chairward_simulator.commands import home, ride
 
     sim.app.command("home")(home)
+    sim.app.command("ride")(ride)
