@@ -58,6 +58,8 @@ def agreement(sequences: int = 2000, steps: int = 10) -> None:
             print(differs)
             pair.close()
             pair = Pair()
+        if (seed + 1) % 250 == 0:
+            print(f"{seed + 1} sequences, {wrong} differ, {time.monotonic() - start:.0f} s", file=sys.stderr)
     pair.close()
     print(f"agreement: {sequences} sequences of {steps} steps, {wrong} differ, {time.monotonic() - start:.0f} s")
     if wrong:

@@ -58,38 +58,41 @@ def probe(path: str, wait_s: float = 0.5) -> str:
 
 @pic.command()
 def monitor(
-    source: Annotated[str, typer.Argument(help="A serial port to listen on, or a file of recorded bytes.")],
+    source: Annotated[str, typer.Argument(help="The PIC's serial port, or a recording to read.")],
+    link: Annotated[Path, typer.Option(help="Live: name of the port that the drive is given meanwhile.")] = Path(
+        "pic-monitored"
+    ),
+    record: Annotated[Path | None, typer.Option(help="Live: also write a recording.")] = None,
 ) -> None:
-    """Print decoded frames: live from a port whose receive line is tapped, or from a file of raw bytes."""
-    import select
-
-    from chairward_drive_pic_serial import wire
-    from chairward_drive_pic_serial.describe import describe
+    """Print decoded frames, both ways: from a recording, or live, as a relay between the drive and SOURCE."""
+    from chairward_drive_pic_serial.monitor import Relay, recorded
     from chairward_drive_pic_serial.port import Port, PortError
+    from chairward_drive_pic_serial.sim_pic import PtyEnd
 
-    splitter = wire.Splitter()
-    if Path(source).is_file():
-        for payload in splitter.feed(Path(source).read_bytes()):
-            typer.echo(describe(payload))
-        typer.echo(f"{splitter.broken} broken frames", err=True)
-        return
     try:
+        if Path(source).is_file():
+            for line in recorded(Path(source)):
+                typer.echo(line)
+            return
         port = Port(source)
-    except PortError as error:
+    except (PortError, ValueError) as error:
         typer.echo(f"chairward: {error}", err=True)
         raise typer.Exit(1) from None
-    start = time.monotonic()
+    end = PtyEnd(link.absolute())
+    typer.echo(f"give the drive the port {link.absolute()}; Ctrl-C ends", err=True)
     try:
-        while True:
-            select.select([port.fd], [], [], 1.0)
-            for payload in splitter.feed(port.read()):
-                typer.echo(f"{time.monotonic() - start:9.3f}  {describe(payload)}")
+        with record.open("w", encoding="ascii") if record else contextlib.nullcontext() as file:
+            relay = Relay(port, end, typer.echo, file)
+            while True:
+                relay.wait()
+                relay.carry()
     except KeyboardInterrupt:
-        typer.echo(f"{splitter.broken} broken frames", err=True)
+        typer.echo("", err=True)
     except PortError as error:
         typer.echo(f"chairward: {error}", err=True)
         raise typer.Exit(1) from None
     finally:
+        end.close()
         port.close()
 
 

@@ -51,7 +51,10 @@ class Port:
 
     def write(self, frame: bytes) -> bool:
         """Write one frame, or drop and count it. A delimiter goes first: nothing cut off before can spoil it."""
-        data = b"\0" + frame
+        return self.write_raw(b"\0" + frame)
+
+    def write_raw(self, data: bytes) -> bool:
+        """Write bytes as they are; what does not fit is dropped and counted."""
         try:
             wrote = os.write(self.fd, data)
         except OSError as error:
