@@ -54,20 +54,22 @@ class World:
         y = (np.arange(240) - GEOMETRY.cy_px) / 300
         self.right, down = np.meshgrid(x, y)
         self.level, self.up = np.cos(pitch) - down * np.sin(pitch), -np.sin(pitch) - down * np.cos(pitch)
+        with np.errstate(divide="ignore"):
+            depth = np.where(self.up < 0, POSE.z_mm / -self.up, np.inf)
+        self._ground = depth < 6000
+        self._depth = np.where(self._ground, depth, 6000.0)
+        self._forward = np.where(self._ground, self._depth * self.level, 0)
+        self._left = np.where(self._ground, -self._depth * self.right, 0)
+        self._columns = (self._left / 15).astype(int) % 200
 
     def see(self, driven_mm: float = 0.0, number: int = 1) -> Bench:
         """The bench as stereo_range leaves it: rectified pair, disparity, floor map."""
-        with np.errstate(divide="ignore"):
-            depth = np.where(self.up < 0, POSE.z_mm / -self.up, np.inf)
+        ground, forward, left, depth = self._ground, self._forward, self._left, self._depth.copy()
         image = np.full((240, 320, 3), 170.0) + 20 * np.sin(np.arange(320) / 9)[None, :, None]
-        ground = np.isfinite(depth) & (depth < 6000)
-        forward, left = np.where(ground, depth * self.level, 0), np.where(ground, -depth * self.right, 0)
         rows = ((forward + driven_mm) / 15).astype(int) % 700
-        columns = (left / 15).astype(int) % 200
-        shade = 1 + self.pattern / 120 * self._pattern[rows, columns]
+        shade = 1 + self.pattern / 120 * self._pattern[rows, self._columns]
         image[ground] = (np.array(self.floor) * shade[..., None])[ground]
         floor, obstacle = ground & (depth < 4000), np.zeros((240, 320), np.bool_)
-        depth = np.where(ground, depth, 6000.0)
         obstacle |= ~ground
         for thing in sorted(self.things, key=lambda t: -t.ahead_mm):
             self._paint(thing, thing.ahead_mm - driven_mm, image, depth, floor, obstacle, forward, left)

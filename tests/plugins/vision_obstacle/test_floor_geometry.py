@@ -66,7 +66,7 @@ def test_a_small_picture_of_the_same_view_says_the_same_places() -> None:
 
 
 def test_a_camera_of_unknown_height_is_refused() -> None:
-    with pytest.raises(ValueError, match="pose.z_mm"):
+    with pytest.raises(ValueError, match=r"pose\.z_mm"):
         make_ground(GEOMETRY, Pose(), FOOTPRINT, (320, 240), 0.0)
 
 

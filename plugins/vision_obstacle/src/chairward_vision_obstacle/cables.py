@@ -33,15 +33,21 @@ def thin_things(grey: Grey, floor: Bools) -> Bools:
     smooth = cv2.GaussianBlur(grey, (3, 3), 0)
     found = np.zeros(grey.shape, np.bool_)
     for operation in (cv2.MORPH_BLACKHAT, cv2.MORPH_TOPHAT):
-        contrast = cv2.morphologyEx(smooth, operation, kernel)
+        contrast = np.asarray(cv2.morphologyEx(smooth, operation, kernel), np.uint8)
         on_floor = contrast[floor]
         if on_floor.size < 200:
             continue
-        limit = max(MIN_CONTRAST, OUTSTANDING * float(np.quantile(on_floor, 0.9)))
+        limit = max(MIN_CONTRAST, OUTSTANDING * level(on_floor, 0.9))
         strong = (contrast >= limit) & floor
         if strong.sum() <= MAX_SHARE * on_floor.size:
             found |= strong
     return _long_ones(found)
+
+
+def level(grey: Grey, share: float) -> int:
+    """The grey level that `share` of the pixels do not exceed."""
+    counts = np.cumsum(np.bincount(grey.ravel(), minlength=256))
+    return int(np.searchsorted(counts, share * counts[-1]))
 
 
 def _long_ones(found: Bools) -> Bools:

@@ -41,12 +41,11 @@ def feet(mask: Bools, ground: Ground) -> tuple[npt.NDArray[np.float32], npt.NDAr
 def free_path(forward_mm: npt.ArrayLike, left_mm: npt.ArrayLike, half_width_mm: float) -> FreePath:
     """The free way among things that stand at these points (from the footprint's front edge)."""
     x, y = np.asarray(forward_mm, np.float64), np.asarray(left_mm, np.float64)
-    free: list[int] = []
-    for heading in HEADINGS_DEG:
-        c, s = np.cos(np.radians(heading)), np.sin(np.radians(heading))
-        along, across = c * x + s * y, c * y - s * x
-        hit = along[(np.abs(across) <= half_width_mm) & (along >= 0)]
-        free.append(int(min(hit.min(), NOTHING_NEAR_MM)) if hit.size and hit.min() < FAR_MM else NOTHING_NEAR_MM)
+    angles = np.radians(HEADINGS_DEG)[:, None]
+    along, across = np.cos(angles) * x + np.sin(angles) * y, np.cos(angles) * y - np.sin(angles) * x
+    hit = (np.abs(across) <= half_width_mm) & (along >= 0) & (along < FAR_MM)
+    nearest = np.where(hit, along, NOTHING_NEAR_MM).min(axis=1, initial=NOTHING_NEAR_MM)
+    free = [int(f) for f in nearest]
     most = max(free)
     best = min((abs(d), d) for d, f in zip(HEADINGS_DEG, free, strict=True) if f >= 0.95 * most)[1]
     left = max(f for d, f in zip(HEADINGS_DEG, free, strict=True) if d >= SIDE_DEG)

@@ -27,6 +27,8 @@ from chairward_vision_obstacle.track import Track, Tracked
 
 Bools = npt.NDArray[np.bool_]
 
+DARK, BRIGHT = 16, 250
+"""Grey levels: the brightest twentieth below the one, or all but the darkest tenth above the other, show nothing."""
 ROWS = 120
 """Rows of the picture in which looks are judged; cables are looked for at full size."""
 
@@ -105,10 +107,13 @@ class LearnedVision:
         if disparity is None:
             return np.full((size[1], size[0]), np.inf, np.float32)
         near = cv2.resize(disparity.disparity_px, size, interpolation=cv2.INTER_NEAREST)
-        total = near + np.float32(disparity.geometry.doffs_px)
-        fb = disparity.geometry.focal_px * disparity.geometry.baseline_mm
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(np.where(total > 0, fb / total, np.inf), np.float32)
+        total = np.asarray(near, np.float32) + np.float32(disparity.geometry.doffs_px)
+        fb = np.float32(disparity.geometry.focal_px * disparity.geometry.baseline_mm)
+        with np.errstate(invalid="ignore"):
+            known = total > 0
+        depth = np.full(total.shape, np.inf, np.float32)
+        np.divide(fb, total, out=depth, where=known)
+        return depth
 
     def _cable(self, thin: Bools) -> Sighting | None:
         """The nearest thin thing in the corridor."""
@@ -124,8 +129,8 @@ class LearnedVision:
 
 def between(flat: Bools, raised: Bools) -> Bools:
     """flat, and every run of a row between two flat pixels that holds no raised one: the plain middle of a tile."""
-    columns = np.arange(flat.shape[1])
-    none_left, none_right = -1, flat.shape[1]
+    columns = np.arange(flat.shape[1], dtype=np.int16)
+    none_left, none_right = np.int16(-1), np.int16(flat.shape[1])
     flat_before = np.maximum.accumulate(np.where(flat, columns, none_left), axis=1)
     raised_before = np.maximum.accumulate(np.where(raised, columns, none_left), axis=1)
     flat_after = np.minimum.accumulate(np.where(flat, columns, none_right)[:, ::-1], axis=1)[:, ::-1]
@@ -141,9 +146,9 @@ def _shrunk(mask: Bools, size: tuple[int, int], share: float) -> Bools:
 
 def _light(small: Image) -> str:
     """Why the light does not do, or ""."""
-    grey = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)
-    if float(np.quantile(grey, 0.95)) < 16:
+    grey = np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), np.uint8)
+    if cables.level(grey, 0.95) < DARK:
         return "too dark to see"
-    if float(np.quantile(grey, 0.1)) > 250:
+    if cables.level(grey, 0.1) > BRIGHT:
         return "too bright to see"
     return ""
