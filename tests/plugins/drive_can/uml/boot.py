@@ -49,7 +49,11 @@ def fetch() -> None:
     """Download both packages and unpack them. Raises OSError or CalledProcessError."""
     PLACE.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
-        subprocess.run(["apt-get", "download", "-q", *PACKAGES], cwd=folder, check=True, capture_output=True)
+        download = ["apt-get", "download", "-q", *PACKAGES]
+        if subprocess.run(download, cwd=folder, check=False, capture_output=True).returncode:
+            root = [] if os.geteuid() == 0 else ["sudo", "-n"]  # a new machine has no package lists yet
+            subprocess.run([*root, "apt-get", "update", "-qq"], check=True, capture_output=True)
+            subprocess.run(download, cwd=folder, check=True, capture_output=True)
         for package in Path(folder).glob("*.deb"):
             subprocess.run(["dpkg-deb", "-x", package, PLACE], check=True, capture_output=True)
 
