@@ -168,11 +168,11 @@ class Rider:
                 yield None
             if word == "front" and self._blocked() and attempt >= 2:
                 return False
-            if attempt % 2 == 0:  # perhaps the chair is latched: a sensible user resets and arms it
+            if attempt % 2 == 0:  # a fault perhaps: reset first (only then, for it also forgets what was near)
                 self.reset_presses += 1
                 yield from self._wait(0.3)
-                self.arm_presses += 1
-                yield from self._wait(0.7)
+            self.arm_presses += 1  # perhaps it was not ready for the first press
+            yield from self._wait(0.3)
         self.events.append(f"gave up on '{word}'")
         return False
 
