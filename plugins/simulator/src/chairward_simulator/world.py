@@ -17,8 +17,9 @@ from chairward_simulator.camera import CAMERAS_ON
 from chairward_simulator.home import HOME_FILE, Home, Obstacle, load, person_obstacle
 from chairward_simulator.nearness import FAR_MM
 from chairward_simulator.people import Walker
-from chairward_simulator.rider import Rider, View
+from chairward_simulator.rider import Rider
 from chairward_simulator.settings import HomeSettings
+from chairward_simulator.speaker import View
 from chairward_simulator.truth import Truth, of_home
 
 WORLD_NAMES = (
@@ -60,7 +61,9 @@ class World:
         self._free = self.body
         self.walker = Walker.at_start(self.home.person) if self.home.person else None
         self.truth = of_home(self.home, self.footprint)
-        self.rider = Rider(self.home, self.duration_s, rear_mm=self.footprint.rear_mm, front_mm=self.footprint.front_mm)
+        self.rider = Rider(
+            self.duration_s, home=self.home, rear_mm=self.footprint.rear_mm, front_mm=self.footprint.front_mm
+        )
 
     def people(self) -> Sequence[Obstacle]:
         """Those who walk about, as obstacles."""
