@@ -1,6 +1,6 @@
 """Our ears beside others on the same streams, speed of the warping kernel, and the fit of the score.
 
-    python benchmarks/ears.py compare MANIFEST [--placements 1]
+    python benchmarks/ears.py compare MANIFEST [--placements 1] [--speakers 3]
     python benchmarks/ears.py speed
     python benchmarks/ears.py fit MANIFEST
 
@@ -70,7 +70,7 @@ class RavenLike:
         return out
 
 
-def compare(manifest: Path, placements: int) -> None:
+def compare(manifest: Path, placements: int, most: int) -> None:
     """Closed-set accuracy of each engine by source and SNR."""
     rows = read_manifest(manifest)
     speakers = evaluate.speakers_of(rows)
@@ -81,7 +81,7 @@ def compare(manifest: Path, placements: int) -> None:
     }
     engines["Raven-like"] = lambda s, snr, p: raven_trials(manifest, s, snr, p)
     for source in sources:
-        mine = [s for s in speakers if by_role(rows, s)["test"][0].source == source]
+        mine = [s for s in speakers if by_role(rows, s)["test"][0].source == source][:most]
         print(f"{source} ({len(mine)} speakers): closed-set accuracy, %, clean / 20 / 10 / 5 dB")
         for name, run in engines.items():
             line = []
@@ -179,6 +179,7 @@ def main() -> None:
     parser.add_argument("what", choices=("compare", "speed", "fit"))
     parser.add_argument("manifest", type=Path, nargs="?")
     parser.add_argument("--placements", type=int, default=1)
+    parser.add_argument("--speakers", type=int, default=1000, help="at most, of each source")
     options = parser.parse_args()
     if options.what == "speed":
         speed()
@@ -187,7 +188,7 @@ def main() -> None:
     elif options.what == "fit":
         print(calibrate.fit(options.manifest, lambda line: print(line, file=sys.stderr)))
     else:
-        compare(options.manifest, options.placements)
+        compare(options.manifest, options.placements, options.speakers)
 
 
 if __name__ == "__main__":

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from chairward_voice_dtw import calibration, figures
+from chairward_voice_dtw.cli import words as app
 from chairward_voice_dtw.evaluate import Plan, correct, trials
 from chairward_voice_dtw.streams import STREAM_HZ, Row, embed, word_bounds
 
@@ -60,3 +63,45 @@ def test_real_words_are_heard_and_strange_ones_mostly_not(shared_data: Path) -> 
     strange = [t for t in found if t.placed.role == "unknown"]
     assert np.mean([correct(t) for t in known]) >= 0.85
     assert np.mean([any(h.accepted for h in t.heard) for t in strange]) <= 0.3
+
+
+@pytest.mark.parametrize(
+    ("rows", "sentence"),
+    [
+        ("a.wav,left,anna,template,x\n", "no speaker has both template and test rows"),
+        ("a.wav,left,anna,template,x\nb.wav,left,anna,test,x\n", "has no noise rows"),
+        ("a.wav,left,anna,teacher,x\n", "role 'teacher', allowed are"),
+        ("", "has no rows"),
+    ],
+)
+def test_a_manifest_that_cannot_be_evaluated_is_one_sentence(tmp_path: Path, rows: str, sentence: str) -> None:
+    path = tmp_path / "words.csv"
+    path.write_text("path,word,speaker,role,source\n" + rows)
+    result = CliRunner().invoke(app, ["evaluate", str(path)])
+    assert result.exit_code == 1
+    assert sentence in result.output
+    assert len(result.output.strip().splitlines()) == 1
+
+
+def test_an_evaluation_of_a_small_manifest_reports_every_figure(tmp_path: Path, speak) -> None:  # type: ignore[no-untyped-def]
+    import soundfile
+
+    lines = ["path,word,speaker,role,source"]
+    for word in ("left", "right", "stop"):
+        for take in range(5):
+            name = f"{word}_{take}.wav"
+            soundfile.write(str(tmp_path / name), speak(word, take), STREAM_HZ)
+            lines.append(f"{name},{word},anna,{'template' if take < 3 else 'test'},made")
+    soundfile.write(str(tmp_path / "front.wav"), speak("front", 1), STREAM_HZ)
+    soundfile.write(str(tmp_path / "noise.wav"), np.random.default_rng(1).normal(0.0, 0.1, 48_000), STREAM_HZ)
+    lines += ["front.wav,front,anna,unknown,made", "noise.wav,,,noise,made"]
+    (tmp_path / "words.csv").write_text("\n".join(lines) + "\n")
+    arguments = ["evaluate", str(tmp_path / "words.csv"), "--snr", "clean,20", "--hours", "0.02", "--placements", "1"]
+    result = CliRunner().invoke(app, [*arguments, "--processes", "1", "--json"])
+    assert result.exit_code == 0, result.output
+    report = json.loads(result.stdout)
+    for figures_ in report["sources"]["made"].values():
+        assert figures_["accuracy_pct"]["n"] == 6
+        assert figures_["accuracy_pct"]["pct"] == 100.0
+        assert figures_["end_to_intent_ms"]["p95"] <= 300.0
+    assert report["false_accepts_per_hour"]["hours"] == 0.02

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from chairward_voice_dtw.audio import Floats
+from chairward_voice_dtw.audio import Floats, SoundError
 from chairward_voice_dtw.engine import NEVER, Engine, Heard, Thresholds
 from chairward_voice_dtw.figures import accepted_at, equal_error_rate_pct, percentiles, rate_per_hour, share
 from chairward_voice_dtw.settings import EngineName, VoiceSettings
@@ -146,6 +146,10 @@ def evaluate(plan: Plan, say: Say) -> dict[str, Any]:
     """Run everything; the report as plain values. `say` gets progress lines."""
     rows = _rows(plan.manifest)
     speakers = speakers_of(rows)
+    if not speakers:
+        raise SoundError(f"{plan.manifest}: no speaker has both template and test rows")
+    if any(snr is not None for snr in plan.snrs) and not any(row.role == "noise" for row in rows):
+        raise SoundError(f"{plan.manifest}: has no noise rows; evaluate with --snr clean, or add some")
     jobs: list[tuple[Any, ...]] = [
         ("trials", plan, speaker, snr, p) for snr in plan.snrs for speaker in speakers for p in range(plan.placements)
     ]

@@ -173,7 +173,7 @@ class VoiceStage:
         if command is None:
             return None
         if command not in (Command.STOP, Command.HELP):
-            disarmed = self._settings.listening == "armed" and heard.onset_s * 1e9 > 0 and end_ns > self._armed_until_ns
+            disarmed = self._settings.listening == "armed" and end_ns > self._armed_until_ns
             soon = 0 < end_ns - self._last_motion_ns < self._settings.refractory_ms * 1_000_000
             broken = self._lost_s >= heard.onset_s - 0.1 or self._spoke_s >= heard.onset_s - 0.1
             unwell = self._meter is not None and not self._meter.health().well
