@@ -77,6 +77,18 @@ def test_frames_go_both_ways_over_a_library_bus_with_their_kind() -> None:
     there.close()
 
 
+def test_a_lost_answer_is_made_up_for_by_the_next(tmp_path: Path) -> None:
+    bus = LibraryBus(settings(interface="virtual", channel="echoes", options={"receive_own_messages": True}))
+    bus._echoes = True
+    for number in (1, 2, 3):
+        bus.send(Frame(number))
+    assert bus.unanswered == 3
+    assert bus._bus.recv(timeout=0).arbitration_id == 1
+    assert bus.receive() == []
+    assert bus.unanswered == 0
+    bus.close()
+
+
 def test_a_flooded_bus_is_read_in_bounded_portions() -> None:
     place = settings(interface="virtual", channel="flooded")
     here, there = LibraryBus(place), LibraryBus(place)

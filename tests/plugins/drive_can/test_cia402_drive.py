@@ -70,6 +70,15 @@ def test_a_missing_node_is_named_with_its_wheel(cia402_rig) -> None:  # type: ig
     assert "node 1 (left wheel) does not answer" in status.fault
 
 
+def test_a_wheel_that_falls_silent_is_named(cia402_rig) -> None:  # type: ignore[no-untyped-def]
+    rig = cia402_rig
+    rig.go()
+    nodes(rig)[1].nmt = 0x04  # stopped: no PDO any more
+    status = rig.ticks(0.2, rig.half)
+    assert not status.linked
+    assert "node 2 (right wheel)" in status.fault
+
+
 @pytest.mark.parametrize("side", [0, 1])
 def test_one_wheel_in_fault_stops_both(cia402_rig, side: int) -> None:  # type: ignore[no-untyped-def]
     rig = cia402_rig

@@ -425,3 +425,17 @@ def test_frames_that_nobody_acknowledges_are_told_after_200_ms(locked: Bench) ->
     locked.bus.unanswered = 4
     locked.rest(0.3, stick=None, motion=GO)
     assert "nothing acknowledges them" in locked.drive.poll(locked.now_ns).fault
+
+
+def test_an_interface_that_acknowledges_nothing_for_a_second_is_opened_anew(locked: Bench) -> None:
+    locked.rest(0.5)
+    locked.drive.arm(locked.now_ns)
+    locked.rest(0.2, stick=None)
+    locked.bus.unanswered = 4
+    with pytest.raises(DriveError, match="was lost: no frame was acknowledged for 1000 ms"):
+        locked.rest(1.5, stick=None, motion=GO)
+    assert not locked.drive.poll(locked.now_ns).linked
+    locked.bus.unanswered = 0
+    locked.drive.connect(locked.now_ns + 20 * MS)
+    locked.rest(0.5)
+    assert locked.drive.poll(locked.now_ns).linked

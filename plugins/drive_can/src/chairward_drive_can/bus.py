@@ -107,8 +107,9 @@ class LibraryBus:
             if message is None:
                 break
             frame = frame_of(message)
-            if self._pending and not message.is_rx and frame == self._pending[0]:
-                self._pending.popleft()
+            if not message.is_rx and frame in self._pending:
+                while self._pending.popleft() != frame:
+                    pass  # an answer before this one was lost on its way to us
             elif frame is not None:
                 frames.append(frame)
         return frames

@@ -267,6 +267,11 @@ class Cia402Dialect:
         wheels = list(self._wheels.values())
         faults = [self._fault, *(wheel.fault for wheel in wheels)]
         faults += [f"CANopen node {w.node.id} ({w.node.side} wheel) is in fault" for w in wheels if w.state == "fault"]
+        faults += [
+            f"CANopen node {w.node.id} ({w.node.side} wheel) has been silent for over {self._own.rpdo_timeout_ms} ms"
+            for w in wheels
+            if w.status_ns and not self._fresh(w, now_ns)
+        ]
         drive, turn = self._measured()
         return Report(
             heard_ns=min(wheel.heard_ns for wheel in wheels),

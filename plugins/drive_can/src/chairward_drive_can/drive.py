@@ -22,6 +22,8 @@ RETRY_NS = (20 * MS, 50 * MS, 100 * MS, 250 * MS, 500 * MS, 1000 * MS)
 """Waits between attempts to open the interface again."""
 UNANSWERED_NS = 200 * MS
 """Nobody has acknowledged a frame for so long: the bus is cut or nobody else is on it."""
+REOPEN_NS = 1000 * MS
+"""After that the interface is opened anew: an adapter that has lost its answers must not stay lost."""
 
 
 class CanDrive:
@@ -117,6 +119,8 @@ class CanDrive:
                 motion = self._given if self._asked_ns else None
                 self._send(self._dialect.hear(frame, now_ns, motion), self._asked_ns or now_ns)
             self._send(self._dialect.setup(now_ns), now_ns)
+            if self._stuck_since_ns and now_ns - self._stuck_since_ns > REOPEN_NS:
+                self._lost(OSError(f"no frame was acknowledged for {REOPEN_NS // MS} ms"))
         report = self._dialect.report(now_ns)
         heard = report.heard_ns > 0 and now_ns - report.heard_ns <= self._settings.link_ms * MS
         linked = self._bus is not None and heard and report.ready
