@@ -87,6 +87,33 @@ def test_without_answers_only_neutral_goes_out_after_sixty_milliseconds(rig: Pic
     assert [frame[2:] for frame in tap.frames if frame[0] == Ask.DRIVE][-1] == bytes([0, 0])
 
 
+def test_a_guard_that_was_silent_must_arm_again_even_if_the_firmware_did_not_notice(rig: PicRig) -> None:
+    rig.go()
+    rig.run(0.16)
+    status = rig.ticks(0.1, rig.half)
+    assert (status.linked, status.armed) == (True, False)
+    assert rig.braked()
+
+
+def test_the_drivers_buffer_is_emptied_when_answers_are_overdue(rig: PicRig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a real UART's driver holds is dropped by that call; a pty passes everything on at once."""
+    rig.go()
+    flushed: list[tuple[int, int]] = []
+    real = termios.tcflush
+
+    def spy(fd: int, queue: int) -> None:
+        flushed.append((fd, queue))
+        real(fd, queue)
+
+    monkeypatch.setattr(port_module.termios, "tcflush", spy)
+    fd = rig.drive.fileno()
+    rig.freeze()
+    rig.ticks(0.05, rig.half)
+    assert flushed == []
+    rig.ticks(0.05, rig.half)
+    assert flushed == [(fd, termios.TCOFLUSH)]
+
+
 def test_a_hard_stop_goes_out_at_once_even_when_answers_are_overdue(rig: PicRig, tap: Recorder) -> None:
     rig.go()
     tap.deaf = True
