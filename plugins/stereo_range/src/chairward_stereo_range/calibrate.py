@@ -43,7 +43,8 @@ def find_corners(grey: Image, board: tuple[int, int]) -> Corners | None:
         return None
     half = min(REFINE_HALF_WINDOW, max(2, int(_spacing(corners, board) / 2.5)))
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 40, 1e-4)
-    return np.asarray(cv2.cornerSubPix(grey, corners, (half, half), (-1, -1), criteria), np.float32)
+    refined = cv2.cornerSubPix(grey, corners, (half, half), (-1, -1), criteria)
+    return np.asarray(refined, np.float32).reshape(-1, 1, 2)
 
 
 def _spacing(corners: Corners, board: tuple[int, int]) -> float:

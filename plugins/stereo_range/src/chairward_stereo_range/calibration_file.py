@@ -89,7 +89,8 @@ class Rectifier:
         k1, k2 = np.array(c.left.matrix), np.array(c.right.matrix)
         d1, d2 = np.array(c.left.distortion), np.array(c.right.distortion)
         r1, r2, p1, p2 = cv2.stereoRectify(
-            k1, d1, k2, d2, self.size, np.array(c.rotation), np.array(c.translation_mm),
+            k1, d1, k2, d2, self.size, np.array(c.rotation),
+            np.array(c.translation_mm).reshape(3, 1),
             alpha=0, newImageSize=(width_px, height_px),
         )[:4]  # fmt: skip
         if p2[0, 3] >= 0:

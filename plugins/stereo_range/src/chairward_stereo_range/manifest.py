@@ -110,7 +110,7 @@ def _entry(folder: Path, row: dict[str, str]) -> Entry | None:
     return Entry(
         name=row["name"],
         kind=row["kind"],
-        source=re.sub(r"\s*(,?\s*[\w.]*)?\s+seed \d+$|\s*\(.*\)$", "", row["source"]) or row["source"],
+        source=re.sub(r"\s+seed \d+$|\s*\(.*\)$", "", row["source"]) or row["source"],
         left=folder / row["left"],
         right=folder / row["right"],
         gt=folder / row["gt"] if row["gt"] else None,

@@ -2,7 +2,8 @@
 
 A low thing (a box, a cable's bulge, the edge of a step) leaves the picture at its bottom while the chair drives on. It
 is still there: it is carried towards the chair by the floor odometry until the chair has passed it, or until the chair
-has backed off so far that its place is seen again. Without odometry it stays where it was: caution, not a guess.
+has backed off or turned so far that its place is seen again or no longer ahead. Without odometry it stays where it was:
+caution, not a guess.
 """
 
 from __future__ import annotations
@@ -14,7 +15,11 @@ import numpy as np
 
 LOW_MM = 350.0
 """Higher things cannot go under the view; they leave it sideways."""
-LOST_JUMP_MM = 250.0
+UNDER_MM = 80.0
+"""A low thing nearer than the view's lower end and this much stands partly out of view already."""
+BACKED_MM = 250.0
+TURNED_MM = 640.0
+"""The floor ahead has gone sideways by the chair's width: the chair faces another way."""
 SEEN_TIMES = 4
 CAME_MM = 100.0
 """A thing is remembered only after this many frames and this much approach: noise of the floor does not approach."""
@@ -52,28 +57,37 @@ class Memory:
         self._track: deque[Seen] = deque(maxlen=30)
         self._held_mm: float | None = None
         self._pace_mm: float | None = None
+        self._sideways_mm = 0.0
         self._driven: deque[tuple[float, float]] = deque(maxlen=30)
 
-    def step(self, seen: Seen, driven_mm: float | None) -> Remembered:
-        """seen: this frame. driven_mm: forward since the last frame, None unknown."""
+    def step(self, seen: Seen, driven_mm: float | None, sideways_mm: float = 0.0) -> Remembered:
+        """seen: this frame. driven_mm, sideways_mm: how the floor ahead moved since the last frame, None unknown."""
         if self._held_mm is not None:
             self._held_mm -= self._carried(driven_mm)
+            self._sideways_mm += sideways_mm
             passed = self._held_mm < -self._length
-            in_view_again = self._held_mm > self._edge + LOST_JUMP_MM
-            if passed or in_view_again:
+            in_view_again = self._held_mm > self._edge + BACKED_MM
+            turned_away = abs(self._sideways_mm) > TURNED_MM
+            if passed or in_view_again or turned_away or self._backing_from(seen, driven_mm):
                 self._held_mm = None
         self._driven.append((seen.time_s, driven_mm if driven_mm is not None else np.nan))
         last = self._track[-1] if self._track else None
-        if last is not None and last.ahead_mm is not None and self._vanished(last, seen):
-            self._pace_mm = self._pace() if last.top_mm <= 0.0 else None
-            carried = last.ahead_mm - self._carried(driven_mm)
-            self._held_mm = carried if self._held_mm is None else min(carried, self._held_mm)
         if last is None or self._jumped(last, seen):
             self._track.clear()
         self._track.append(seen)
+        if seen.ahead_mm is not None and self._going_under(seen):
+            if self._held_mm is None:
+                self._pace_mm, self._sideways_mm = (self._pace() if seen.top_mm <= 0.0 else None), 0.0
+            self._held_mm = seen.ahead_mm if self._held_mm is None else min(seen.ahead_mm, self._held_mm)
         if self._held_mm is not None and (seen.ahead_mm is None or self._held_mm < seen.ahead_mm):
             return Remembered(max(self._held_mm, 0.0), 0.0, True)
         return Remembered(seen.ahead_mm, self._closing(), False)
+
+    def _backing_from(self, seen: Seen, driven_mm: float | None) -> bool:
+        """The chair backs off and the thing is seen where it should be: no need to remember it."""
+        if self._held_mm is None or seen.ahead_mm is None or driven_mm is None:
+            return False
+        return driven_mm < -2.0 and abs(seen.ahead_mm - self._held_mm) < UNDER_MM
 
     def _carried(self, driven_mm: float | None) -> float:
         """How far the held thing came nearer. Beyond the end of the floor the odometry sees a lower floor, which
@@ -89,19 +103,17 @@ class Memory:
         known = [mm for _, mm in self._driven if not np.isnan(mm)]
         return float(np.quantile(known, 0.8)) if known else 0.0
 
-    def _vanished(self, last: Seen, seen: Seen) -> bool:
-        """A low thing near the lower end of the view is gone, after coming nearer just as far as the chair drove."""
+    def _going_under(self, seen: Seen) -> bool:
+        """A low thing at the lower end of the view that has come nearer just as far as the chair drove."""
         first = self._track[0]
-        if last.ahead_mm is None or first.ahead_mm is None:
+        if seen.ahead_mm is None or first.ahead_mm is None:
             return False
-        gone = seen.ahead_mm is None or seen.ahead_mm > last.ahead_mm + LOST_JUMP_MM
-        near = last.ahead_mm < self._edge + LOST_JUMP_MM
-        if not (gone and near and last.top_mm < LOW_MM and len(self._track) >= SEEN_TIMES):
+        if seen.ahead_mm > self._edge + UNDER_MM or seen.top_mm > LOW_MM or len(self._track) < SEEN_TIMES:
             return False
-        came = first.ahead_mm - last.ahead_mm
-        driven = [mm for t, mm in self._driven if first.time_s < t <= last.time_s]
+        came = first.ahead_mm - seen.ahead_mm
+        driven = [mm for t, mm in self._driven if first.time_s < t <= seen.time_s]
         known = driven and not np.isnan(driven).any()
-        return came >= CAME_MM and (not known or abs(came - sum(driven)) <= 40.0 + 0.3 * came)
+        return came >= CAME_MM and (not known or abs(came - sum(driven)) <= 40.0 + 0.4 * came)
 
     @staticmethod
     def _jumped(last: Seen, seen: Seen) -> bool:

@@ -17,7 +17,7 @@ MIN_AREA_MM2 = 1200.0
 """A thing counts from about 35 x 35 mm on, whatever its distance ..."""
 MIN_PIXELS = 30
 """... and from this many pixels on (full-size pixels at 240 rows)."""
-QUANTILE = 0.67
+QUANTILE = 0.64
 """Of the smoothed inverse distances of the chosen thing: a little to its near side."""
 NEAR_RAY = 0.97
 """Quantile of `forward` over the thing: where its least depth along the optical axis lies, if it stands upright."""

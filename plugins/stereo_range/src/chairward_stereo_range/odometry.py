@@ -37,17 +37,20 @@ class FloorOdometry:
         self._window: Floats = cv2.createHanningWindow((CELLS, CELLS), cv2.CV_32F)
         self._last: Floats | None = None
 
-    def step(self, left: Image) -> float | None:
-        """mm driven forward since the last picture (h x w x 3 BGR); None when the floor does not tell."""
+    def step(self, left: Image) -> tuple[float, float] | None:
+        """(forward, sideways) mm since the last picture (h x w x 3 BGR); None when the floor does not tell.
+
+        sideways is how far the floor ahead went to the side: by sliding (never) or by turning.
+        """
         cv2 = opencv()
         seen = cv2.cvtColor(cv2.remap(left, self._x, self._y, cv2.INTER_LINEAR), cv2.COLOR_BGR2GRAY)
         patch: Floats = seen.astype(np.float32)
         last, self._last = self._last, patch
         if last is None or float(patch.std()) < MIN_STD:
             return None
-        (_, dy), response = cv2.phaseCorrelate(last, patch, self._window)
-        moved = float(dy) * CELL_MM
-        return moved if response >= MIN_RESPONSE and abs(moved) <= MAX_SHIFT_MM else None
+        (dx, dy), response = cv2.phaseCorrelate(last, patch, self._window)
+        forward, sideways = float(dy) * CELL_MM, float(dx) * CELL_MM
+        return (forward, sideways) if response >= MIN_RESPONSE and abs(forward) <= MAX_SHIFT_MM else None
 
 
 def nearest_floor_mm(view: View) -> float:

@@ -56,13 +56,14 @@ class Tracker:
             return _single(found)
         fault = self._faults.check(left, right, skew_ns)
         nearest = self._nearest(found, fault)
-        driven = self._odometry.step(left) if self._odometry is not None and not fault else None
+        moved = self._odometry.step(left) if self._odometry is not None and not fault else None
+        driven, sideways = moved if moved is not None else (None, 0.0)
         seen = Seen(
             captured_ns / 1e9,
             None if nearest is None else nearest.ahead_mm,
             inf if nearest is None else nearest.top_mm,
         )
-        kept = self._memory.step(seen, driven)
+        kept = self._memory.step(seen, driven, sideways)
         if kept.from_memory and kept.ahead_mm is not None:
             reason = fault or found.reason or "a low thing has gone under the view"
             can_see = found.can_see and not fault

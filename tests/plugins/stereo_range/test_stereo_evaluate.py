@@ -1,0 +1,231 @@
+"""`range evaluate`: the output that judges read, its definitions, its bounds, its errors."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from chairward_stereo_range import evaluate, manifest, statistics
+from chairward_stereo_range.cli import range_app
+
+COLUMNS = [
+    "split", "name", "kind", "left", "right", "gt", "gt_format", "baseline_mm", "focal_px", "doffs",
+    "nearest_in_roi_mm", "licence", "source", "note",
+]  # fmt: skip
+
+
+def invoke(*arguments: str) -> Any:
+    return CliRunner().invoke(range_app, ["evaluate", *arguments])
+
+
+@pytest.fixture
+def small_set(tools: Any, tmp_path: Path) -> Path:
+    """Two walls, one empty room, one pair with true disparities, and a short drive at a wall."""
+    rows = []
+
+    def add(name: str, kind: str, nearest: str, **more: str) -> dict[str, str]:
+        row = dict.fromkeys(COLUMNS, "") | {
+            "name": name, "kind": kind, "left": f"{name}_L.png", "right": f"{name}_R.png", "baseline_mm": "50",
+            "focal_px": "300", "doffs": "0", "nearest_in_roi_mm": nearest, "source": "test renderer seed 3",
+        }  # fmt: skip
+        rows.append(row | more)
+        return rows[-1]
+
+    def write(path: Path, pair: Any) -> None:
+        cv2.imwrite(str(path.with_name(path.name + "_L.png")), pair[0])
+        cv2.imwrite(str(path.with_name(path.name + "_R.png")), pair[1])
+
+    for name, wall in (("near", 500.0), ("far", 1500.0)):
+        write(tmp_path / name, tools.render(tools.room((tools.board(wall),))))
+        add(name, "synthetic", str(wall), note="wall_tex mount=A")
+    write(tmp_path / "empty", tools.render(tools.room()))
+    add("empty", "synthetic", "", note="none mount=A")
+    write(tmp_path / "gt", tools.render(tools.room((tools.board(1000.0),))))
+    cv2.imwrite(str(tmp_path / "gt.png"), np.full((240, 320), 15 * 256, np.uint16))
+    add("gt", "stereo_gt", "1000", gt="gt.png", gt_format="uint16 png disparity*256")
+    (tmp_path / "seq").mkdir()
+    truths = ["frame,mm"]
+    for i in range(14):
+        pair = tools.render(tools.room((tools.board(900.0),), driven_mm=33.0 * i, seed=i))
+        cv2.imwrite(str(tmp_path / "seq" / f"left_{i:03d}.png"), pair[0])
+        cv2.imwrite(str(tmp_path / "seq" / f"right_{i:03d}.png"), pair[1])
+        truths.append(f"{i},{900 - 33 * i}")
+    (tmp_path / "truth.csv").write_text("\n".join(truths), encoding="utf-8")
+    add(
+        "seq", "sequence", "", left="seq/left_%03d.png", right="seq/right_%03d.png", gt="truth.csv",
+        note="wall_tex mount=A fps=15 speed_mm_s=500",
+    )  # fmt: skip
+    path = tmp_path / "manifest.csv"
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+        writer.writerows(rows)
+    return path
+
+
+def test_the_json_has_every_figure_that_is_judged(small_set: Path) -> None:
+    result = invoke(str(small_set), "--json")
+    assert result.exit_code == 0, result.output
+    out = json.loads(result.stdout)
+    assert set(out["stereo_gt"]) >= {
+        "pairs", "median_px", "bad1_pct", "coverage_pct", "nearest_rel_median_pct", "nearest_rel_p90_pct",
+    }  # fmt: skip
+    assert set(out["synthetic"]) >= {
+        "frames", "missed_pct", "missed_unflagged_pct", "false_stop_pct", "false_or_blind_pct", "usable_clear_pct",
+        "near_median_mm", "near_p95_mm", "median_mm",
+    }  # fmt: skip
+    assert set(out["sequence"]) >= {
+        "approaches", "missed_approaches", "stop_distance_mm", "false_stops_per_100m", "abs_error_median_mm",
+        "abs_error_p95_mm",
+    }  # fmt: skip
+    assert set(out["ms_per_frame"]) >= {"median", "p99"}
+    assert list(out["per_source"]) == ["test renderer"]
+    for kind in ("stereo_gt", "synthetic"):
+        for name in out[kind]["bounds_95"]:
+            assert name in out[kind]
+            assert out[kind]["n"][name] >= 0
+    made = out["synthetic"]
+    assert (made["frames"], made["stops_due"], made["clear"]) == (3, 1, 2)
+    assert (made["missed_pct"], made["false_or_blind_pct"], made["usable_clear_pct"]) == (0.0, 0.0, 100.0)
+    assert made["near_median_mm"] < 12
+    assert out["stereo_gt"]["bad1_pct"] < 2
+    drive = out["sequence"]
+    assert (drive["approaches"], drive["missed_approaches"], drive["false_stops_per_100m"]) == (1, 0, 0.0)
+    assert 500 <= drive["stop_distance_mm"]["median"] <= 620
+
+
+def test_the_report_is_one_page_with_pictures(small_set: Path, tmp_path: Path) -> None:
+    result = invoke(str(small_set), "--report", str(tmp_path / "out"))
+    assert result.exit_code == 0, result.output
+    [page] = (tmp_path / "out").iterdir()
+    text = page.read_text(encoding="utf-8")
+    assert text.count("data:image/png") >= 3
+    assert "Error against distance" in text
+    assert "missed_unflagged_pct" in result.stdout
+
+
+def test_other_methods_and_sizes_are_asked_for_by_name(small_set: Path) -> None:
+    result = invoke(str(small_set), "--method", "bm", "--size", "640x480", "--json")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["method"] == "bm"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nowhere.csv"], ["nowhere.csv"]),
+        (["MANIFEST", "--method", "magic"], ["--method magic", "pyramid"]),
+        (["MANIFEST", "--size", "big"], ["--size big", "320x240"]),
+    ],
+)
+def test_a_wrong_argument_is_one_readable_sentence(small_set: Path, arguments: list[str], words: list[str]) -> None:
+    result = invoke(*[str(small_set) if a == "MANIFEST" else a for a in arguments])
+    assert result.exit_code == 2
+    assert all(word in result.stderr for word in words)
+    assert "Traceback" not in result.output
+
+
+def test_a_missing_picture_is_named(small_set: Path) -> None:
+    (small_set.parent / "far_L.png").unlink()
+    result = invoke(str(small_set))
+    assert result.exit_code == 2
+    assert "far_L.png" in result.stderr
+
+
+def entry(truth: float, obstacle: str = "wall_tex") -> manifest.Entry:
+    nowhere = Path()
+    return manifest.Entry(
+        "x", "synthetic", "s", nowhere, nowhere, None, "", 300.0, 50.0, 0.0, True, truth, {"obstacle": obstacle}
+    )
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.floats(300, 4000) | st.just(inf), st.floats(250, 4000) | st.just(5000.0), st.booleans()),
+        max_size=30,
+    )
+)
+def test_figures_follow_their_definitions(cases: list[tuple[float, float, bool]]) -> None:
+    results = [evaluate.PairResult(entry(t), z, see, 1.0, "", 0.001) for t, z, see in cases]
+    got = evaluate.synthetic(results)
+    due = [(t, z, see) for t, z, see in cases if t < 590]
+    clear = [(t, z, see) for t, z, see in cases if t > 1200]
+    if due:
+        assert got["missed_pct"] == pytest.approx(100 * sum(z > 600 for _, z, _ in due) / len(due), abs=1e-3)
+        unflagged = sum(z > 600 and see for _, z, see in due)
+        assert got["missed_unflagged_pct"] == pytest.approx(100 * unflagged / len(due), abs=1e-3)
+    if clear:
+        spoilt = sum(z <= 600 or not see for _, z, see in clear)
+        assert got["false_or_blind_pct"] == pytest.approx(100 * spoilt / len(clear), abs=1e-3)
+        assert got["usable_clear_pct"] == pytest.approx(100 - 100 * spoilt / len(clear), abs=2e-3)
+
+
+def frames(*cases: tuple[float | None, float, bool]) -> evaluate.SequenceResult:
+    return evaluate.SequenceResult(
+        entry(0.0), [evaluate.Frame(i, t, z, see, "", 0.0) for i, (t, z, see) in enumerate(cases)]
+    )
+
+
+def test_a_stop_far_from_anything_is_false_and_counted_once() -> None:
+    far = (2000.0, 3000.0, True)
+    seen = evaluate.drive(frames(far, (2000.0, 500.0, True), far, far, far, (2000.0, 3000.0, False), far))
+    assert (seen.false_stops, seen.blind_stops, seen.stop_at_mm) == (1, 1, None)
+
+
+def test_an_approach_without_a_stop_is_missed() -> None:
+    assert evaluate.drive(frames((800.0, 800.0, True), (580.0, 700.0, True))).stop_at_mm is None
+    assert evaluate.drive(frames((650.0, 650.0, True), (580.0, 590.0, True))).stop_at_mm == 580.0
+
+
+@given(n=st.integers(1, 400), data=st.data())
+@settings(max_examples=40, deadline=None)
+def test_rates_lie_within_their_bounds(n: int, data: Any) -> None:
+    hits = data.draw(st.integers(0, n))
+    figure = statistics.rate_pct(hits, n)
+    assert figure.low is not None
+    assert figure.high is not None
+    assert figure.value is not None
+    assert 0 <= figure.low <= figure.value <= figure.high <= 100
+
+
+def test_no_misses_in_58_still_allow_six_per_cent() -> None:
+    figure = statistics.rate_pct(0, 58)
+    assert figure.high == pytest.approx(6.16, abs=0.01)
+    assert statistics.rate_pct(0, 0).value is None
+
+
+@pytest.mark.needs_shared
+def test_the_real_drive_is_read_to_a_centimetre(shared: Callable[[str], Path]) -> None:
+    path = shared("stereo/manifest.csv")
+    [drive] = [e for e in manifest.read(path) if e.kind == "sequence"]
+    from chairward_stereo_range.finder import Options
+
+    result = evaluate.run([drive], Options(region="trapezoid"), 240)
+    figures = evaluate.sequence(result.sequences)
+    assert figures["abs_error_median_mm"] <= 12.0  # type: ignore[operator]
+    assert figures["abs_error_p95_mm"] <= 40.0  # type: ignore[operator]
+    assert figures["false_stops_per_100m"] == 0.0
+
+
+@pytest.mark.needs_shared
+def test_no_stop_that_is_due_is_missed_unflagged_on_the_shared_sets(shared: Callable[[str], Path]) -> None:
+    from chairward_stereo_range.finder import Options
+
+    for name in ("stereo", "stereo_photoreal"):
+        entries = [e for e in manifest.read(shared(f"{name}/manifest.csv")) if e.kind == "synthetic" and not e.hard]
+        figures = evaluate.synthetic(evaluate.run(entries, Options(region="trapezoid"), 240).pairs)
+        assert figures["missed_unflagged_pct"] == 0.0, name
+        assert figures["false_stop_pct"] == 0.0, name
+        assert figures["false_or_blind_pct"] <= 8.0, name  # type: ignore[operator]
