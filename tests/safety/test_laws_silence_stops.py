@@ -24,7 +24,7 @@ LIMITS = chair_limits(vetoers={TILT: SourceLimits(freshness_ns=300 * MS)})
 LIMIT_MS = {FRONT: 200, TILT: 300, VOICE: 400, PANEL: 400, "drive": 200, "supervisor": 500}
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.integers(0, 2**48))
 def test_whoever_falls_silent_whenever_the_chair_stands_within_that_sources_limit(seed: int) -> None:
     rng = Random(seed)
@@ -45,14 +45,13 @@ def test_whoever_falls_silent_whenever_the_chair_stands_within_that_sources_limi
 
 # ---- a small world, walked completely --------------------------------------------------------------------------------
 NEAR = {"stop": 590, "avoid": 740, "clear": 3_000}
-HEARD = (None, Command.FRONT, Command.LEFT, Command.BACK, Command.STOP)
+HEARD = (None, Command.FRONT, Command.LEFT, Command.STOP)
 PRESSED = (None, Button.STOP, Button.ARM, Button.RESET)
 CONTROLLERS: dict[str, dict[str, Any]] = {
     "well": {},
     "faulty": {"fault": "overheated"},
     "not armed": {"armed": False},
     "unplugged": {"linked": False, "armed": False},
-    "late": {"at_ns": START_NS - 300 * MS},
 }
 STATES = {
     "off": State(latch=NOT_ARMED, output_ns=START_NS - TICK_NS),
@@ -75,7 +74,7 @@ def small_world() -> Iterator[tuple[State, Facts]]:
     beats["ill"] = msgspec.structs.replace(beats["fresh"], well=False)
     windows = [
         readings(START_NS, age_ns=age * MS, ahead_mm=mm, left_mm=2_000, can_see=see)
-        for mm, see, age in product(NEAR.values(), (True, False), (60, 201))
+        for mm, (see, age) in product(NEAR.values(), ((True, 60), (True, 201), (False, 60)))
     ]
     status = DriveStatus(at_ns=START_NS - 10 * MS, linked=True, armed=True)
     drives = [msgspec.structs.replace(status, **changes) for changes in CONTROLLERS.values()]
@@ -100,7 +99,7 @@ def test_every_combination_of_a_small_world_keeps_both_promises() -> None:
     for state, facts in small_world():
         cases += 1
         moving += laws.judge(state, facts, limits)[1].motion != STILL
-    assert cases == 12 * 3 * 5 * 5 * 4 * 10
+    assert cases == 9 * 3 * 4 * 4 * 4 * 10
     assert moving > 0
 
 

@@ -10,23 +10,22 @@ from hypothesis import strategies as st
 from chairward.testing import cases, laws
 
 MANY = settings(max_examples=2_500, deadline=None, suppress_health_check=list(HealthCheck))
-RANDOM = st.randoms(use_true_random=False)
 SEED = st.integers(0, 2**48)
 
 
 @MANY
-@given(RANDOM)
-def test_in_the_same_state_worse_facts_never_give_a_faster_motion(rng: Random) -> None:
-    laws.one_step(rng)
+@given(SEED)
+def test_in_the_same_state_worse_facts_never_give_a_faster_motion(seed: int) -> None:
+    laws.one_step(Random(seed))
 
 
-@settings(MANY, max_examples=80)
+@settings(MANY, max_examples=50)
 @given(SEED)
 def test_over_a_whole_ride_a_twin_with_worse_facts_is_never_faster(seed: int) -> None:
     laws.twin_rides(Random(seed), ticks=60)
 
 
-@settings(MANY, max_examples=100)
+@settings(MANY, max_examples=60)
 @given(SEED)
 def test_every_law_of_one_decision_holds_along_random_rides(seed: int) -> None:
     laws.random_ride(Random(seed), ticks=60)
@@ -35,12 +34,12 @@ def test_every_law_of_one_decision_holds_along_random_rides(seed: int) -> None:
 def test_the_laws_are_not_kept_by_standing_still() -> None:
     """Of the cases of the first law a good part moves, and every way of making things worse stops some of them."""
     moved, stopped = 0, set()
-    for seed in range(3_000):
+    for seed in range(2_500):
         name, worse, better = laws.one_step(Random(seed))
         moved += better != (0.0, 0.0)
         if better != worse:
             stopped.add(name)
-    assert moved > 500
+    assert moved > 400
     assert stopped == set(cases.WORSE) - {"messages are refused"}
 
 

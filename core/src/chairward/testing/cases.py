@@ -231,7 +231,9 @@ SILENCE: dict[str, Worse] = {
 
 DOUBT: dict[str, Worse] = {
     "it cannot see": _each(lambda r: msgspec.structs.replace(r, can_see=False)),
-    "something comes closer": _each(lambda r: msgspec.structs.replace(r, closing_mm_s=r.closing_mm_s + 2_000)),
+    "something comes closer": _each(
+        lambda r: msgspec.structs.replace(r, closing_mm_s=min(5_000, r.closing_mm_s + 4_500))
+    ),
     "something is nearer ahead": _nearer("ahead_mm"),
     "something is nearer behind": _nearer("behind_mm"),
     "something is nearer on the left": _nearer("left_mm"),
