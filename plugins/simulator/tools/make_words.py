@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import subprocess
 import tempfile
+import wave
 from pathlib import Path
 
 import numpy as np
-import soundfile
 
 WORDS = ("front", "back", "left", "right", "reverse", "stop")
 FOLDER = Path(__file__).parents[1] / "src/chairward_simulator/words"
@@ -32,12 +32,21 @@ def render(word: str, stretch: float, pitch_hz: float, shift_cents: float, folde
         ["sox", "-R", str(raw), "-r", str(RATE_HZ), "-b", "16", "-c", "1", str(out), "pitch", f"{shift_cents:.0f}"],
         check=True,
     )
-    sound, rate = soundfile.read(out)
-    assert rate == RATE_HZ
+    with wave.open(str(out)) as file:
+        sound = np.frombuffer(file.readframes(file.getnframes()), dtype="<i2") / 32768.0
     loud = np.flatnonzero(np.abs(sound) > 0.012 * np.abs(sound).max())
     pad = int(PAD_S * RATE_HZ)
     piece = sound[max(0, loud[0] - pad) : loud[-1] + pad]
     return piece / np.abs(piece).max()
+
+
+def write(path: Path, sound: np.ndarray) -> None:
+    """16 kHz, 16 bit, mono."""
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(RATE_HZ)
+        file.writeframes(np.rint(np.clip(sound, -1.0, 1.0) * 32768.0).astype("<i2").tobytes())
 
 
 def main() -> None:
@@ -52,7 +61,7 @@ def main() -> None:
                         word, rng.uniform(0.9, 1.15), rng.uniform(155, 190), rng.uniform(-60, 60), Path(name)
                     )
                     level = 0.5 * 10 ** (rng.uniform(-4, 2) / 20)
-                    soundfile.write(FOLDER / kind / f"{word}_{n}.wav", sound * level, RATE_HZ, subtype="PCM_16")
+                    write(FOLDER / kind / f"{word}_{n}.wav", sound * level)
 
 
 if __name__ == "__main__":

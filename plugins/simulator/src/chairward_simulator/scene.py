@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import cos, hypot, radians, sin
 from zlib import crc32
@@ -22,6 +22,8 @@ GEOMETRY = StereoGeometry(
 
 UP = (0.0, 0.0, 1.0)
 Vector = tuple[float, float, float]
+AddFace = Callable[[str, Vector, Vector, float, Vector, float, str], None]
+"""name, corner, first edge and length, second edge and length, texture."""
 
 
 @dataclass(slots=True)
@@ -83,20 +85,10 @@ def _id(scene: Scene, name: str) -> int:
     return scene.names.index(name)
 
 
-class _Face:
-    """Signature of the function that adds one rectangle (for mypy)."""
-
-    def __call__(
-        self, name: str, at: Vector, e1: Vector, length: float, e2: Vector, height: float, texture: str
-    ) -> None:
-        raise NotImplementedError
-
-
-def _box_faces(box: Box, face: _Face | object) -> None:
+def _box_faces(box: Box, face: AddFace) -> None:
     """Four sides, the top, and the underside of what hangs."""
     ring = corners(box)
     top = box.bottom + box.size[2]
-    assert callable(face)
     for (ax, ay), (bx, by) in zip(ring, ring[1:] + ring[:1], strict=True):
         length = hypot(bx - ax, by - ay)
         along = ((bx - ax) / length, (by - ay) / length, 0.0)
@@ -168,11 +160,9 @@ class StereoCamera:
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32], list[str]]:
         """Of the left picture: depth along the optical axis in mm (inf: nothing), number of the thing seen, names."""
         cylinders = self._see(x_mm, y_mm, heading_deg, people, 0.0)[0]
-        n_faces = len(self.scene.faces)
         all_ids = np.concatenate([self.scene.faces[:, 18], cylinders[:, 8], [-1.0]]).astype(np.int32)
         depth = np.full_like(self._inverse, np.inf)
         np.divide(1.0, self._inverse, out=depth, where=self._inverse > 0)
-        assert len(all_ids) == n_faces + len(cylinders) + 1
         return depth, all_ids[self._ids], list(self.scene.names)
 
     def _see(
