@@ -43,7 +43,7 @@ class Thresholds:
     """Scores are log-odds; a word is accepted at `word`, the stop words at `stop`."""
 
     word: float = 0.0
-    stop: float = -1.0
+    stop: float = -2.0
     stop_words: frozenset[str] = frozenset()
 
     def of(self, word: str) -> float:

@@ -30,7 +30,7 @@ class VoiceSettings(Settings):
         default=0.0, ge=-5.0, le=20.0, description="log-odds a word needs; higher: fewer wrong, more unheard"
     )
     stop_threshold: float = Field(
-        default=-1.0, ge=-20.0, le=5.0, description="log-odds the stop word needs; looser than the others"
+        default=-2.0, ge=-20.0, le=5.0, description="log-odds the stop word needs; looser than the others"
     )
     refractory_ms: int = Field(
         default=400, ge=0, le=5000, description="no second motion word within this; stop is always heard"
