@@ -31,7 +31,7 @@ def chunk(first_seed: int) -> tuple[int, int, int]:
                 laws.random_ride(Random(seed), ticks=100)
                 decisions += 300
         except laws.BrokenLaw as broken:
-            raise SystemExit(f"seed {seed}: {broken}") from broken
+            raise laws.BrokenLaw(f"seed {seed}: {broken}") from broken
     return CHUNK, moved, decisions
 
 
