@@ -117,6 +117,9 @@ class SlcanPort:
     def close(self) -> None:
         """Close the channel and the port; may be called twice."""
         if self._port.is_open:
+            if self.unanswered > 2:  # nobody takes it: the kernel would wait for it when closing
+                with contextlib.suppress(OSError, termios.error):
+                    termios.tcflush(self._fd, termios.TCOFLUSH)
             with contextlib.suppress(OSError, termios.error):
                 os.write(self._fd, b"C\r")
             with contextlib.suppress(OSError, termios.error):
