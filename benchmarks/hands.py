@@ -179,9 +179,13 @@ def latency(engine: str = "model", runs: int = 200, fifo: bool = True) -> None:
                 _tick(drive, Motion(400.0, 0.0))
                 time.sleep(0.02)
             time.sleep(0.005 + chance.random() * 0.01)
-            drive.poll(time.monotonic_ns())
-            start = time.monotonic_ns()
-            drive.command(start, STILL, hard_stop=True)
+            try:
+                drive.poll(time.monotonic_ns())
+                start = time.monotonic_ns()
+                drive.command(start, STILL, hard_stop=True)
+            except DriveError as error:  # the machine was away for 200 ms: not what is measured here
+                print(error, file=sys.stderr)
+                continue
             while (seen := pins.read())["drive_in1"]:
                 if time.monotonic_ns() - start > 1_000_000_000:
                     raise SystemExit("the pin did not fall within 1 s")

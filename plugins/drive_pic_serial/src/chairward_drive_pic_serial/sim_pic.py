@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import select
 import time
@@ -28,10 +29,14 @@ PIN_NAMES = (
     "state",
     "fault",
 )
+PRIORITY = 40
 WAKE_S = 0.002
 """Pins are published at least this often."""
 BEHIND_NS = 50_000_000
 """gpsim only: when this far behind real time, give the lost time up instead of racing after it."""
+
+
+log = logging.getLogger(__name__)
 
 
 class SimPicSettings(Settings):
@@ -102,6 +107,8 @@ class SimPic:
         pty = PtyEnd(self._link)
         pins = SharedState.create(self._run_dir / "pins", PIN_NAMES)
         try:
+            if isinstance(engine, ModelEngine):
+                _as_punctual_as_a_chip()
             _publish(pins, engine)
             ready()
             then_ns = time.monotonic_ns()
@@ -118,6 +125,14 @@ class SimPic:
             pty.close()
             pins.close()
             engine.close()
+
+
+def _as_punctual_as_a_chip() -> None:
+    """A PIC is never held up by other programs: below the guard's priority, above everybody else's, where allowed."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
+    except PermissionError:
+        log.info("no real-time priority: on a busy machine the simulated PIC may stop by itself now and then")
 
 
 def _pace(engine: Engine, then_ns: int, now_ns: int) -> int:
