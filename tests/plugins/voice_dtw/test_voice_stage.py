@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -139,3 +141,25 @@ def test_armed_listening_waits_for_the_wake_word(tmp_path: Path, word_folder: Pa
     stage = stage_with(tmp_path, word_folder, words, listening="armed", wake_word="right", armed_s=3.0)
     heard = intents(play(stage, sentence_of(["left", "stop", "right", "left"])))
     assert [i.word for i in heard] == ["stop", "left"]
+
+
+def test_nothing_is_left_to_compile_when_the_first_sound_comes(tmp_path: Path, word_folder: Path) -> None:
+    """A compiler at work in the middle of a word would hold the heartbeats up for seconds."""
+    code = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from pathlib import Path
+import conftest, test_voice_stage as t
+from chairward_voice_dtw import audio, dtw, endpoint, frontend
+
+compiled = [f for m in (audio, dtw, endpoint, frontend) for f in vars(m).values() if hasattr(f, "signatures")]
+stage = t.stage_with(Path({str(tmp_path)!r}), Path({str(word_folder)!r}))
+before = [len(f.signatures) for f in compiled]
+heard = t.intents(t.play(stage, conftest.sentence(["left", "stop"])))
+after = [len(f.signatures) for f in compiled]
+assert sum(before) >= 6, before  # inner functions come along with those that call them
+assert before == after, (before, after)
+assert [i.word for i in heard] == ["left", "stop"]
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
