@@ -17,7 +17,7 @@ from chairward_stereo_range.floor import FloorFit, fit_floor, split
 from chairward_stereo_range.geometry import THESIS_HEIGHT, View, disparity_range
 from chairward_stereo_range.honesty import hidden_distance_mm
 from chairward_stereo_range.matching import Method, make_matcher
-from chairward_stereo_range.nearest import RELIEF, nearest
+from chairward_stereo_range.nearest import NEAR_SIDE, QUANTILE, RELIEF, nearest
 from chairward_stereo_range.opencv import opencv
 from chairward_stereo_range.pyramid import Match, Pyramid, half_size, mean_of_four, without_specks
 from chairward_stereo_range.region import Bools, Region, RegionKind
@@ -223,7 +223,8 @@ class RangeFinder:
 
     def _spot(self, full: Floats, candidates: Bools, sharp: Bools, rough: bool = False) -> Spot | None:
         v = self.view
-        found = nearest(full, candidates, sharp, self._forward, self._trust, v.geometry.baseline_mm, self.scale, rough)
+        g, quantile = v.geometry, QUANTILE if v.floor_known else NEAR_SIDE
+        found = nearest(full, candidates, sharp, self._forward, self._trust, g.baseline_mm, self.scale, rough, quantile)
         if found is None:
             return None
         rows, cols = found.rows * 2 + self.top, found.cols * 2

@@ -19,6 +19,8 @@ MIN_PIXELS = 30
 """... and from this many pixels on (full-size pixels at 240 rows)."""
 QUANTILE = 0.64
 """Of the smoothed inverse distances of the chosen thing: a little to its near side."""
+NEAR_SIDE = 0.95
+"""The same where the mount, and so what is upright, is not known: the near side of whatever slants away."""
 NEAR_RAY = 0.97
 """Quantile of `forward` over the thing: where its least depth along the optical axis lies, if it stands upright."""
 SMOOTH = 5
@@ -49,6 +51,7 @@ def nearest(
     baseline_mm: float,
     scale: float,
     rough: bool = False,
+    quantile: float = QUANTILE,
 ) -> Nearest | None:
     """The nearest group of candidates that is large enough to be a thing; None when there is none.
 
@@ -57,7 +60,7 @@ def nearest(
     upright thing has one distance though a tilted camera sees it at many depths. scale: rows / 240. From near to far,
     the first window of 2.5 px that holds as many pixels as a 35 x 35 mm patch would; from its peak on, what is little
     nearer belongs to it.
-    rough: without the smoothing, where a centimetre or two do not matter.
+    rough: without the smoothing, where a centimetre or two do not matter. quantile: see QUANTILE and NEAR_SIDE.
     """
     values = disparity[candidates]
     least = MIN_PIXELS * scale * scale / 4
@@ -77,7 +80,7 @@ def nearest(
     slack = 1.5 * scale
     member = candidates & (disparity >= centre[i] - slack) & (disparity <= RELIEF * centre[i] + slack)
     if rough:
-        return _measured(disparity, member, forward)
+        return _measured(disparity, member, forward, quantile)
     need = max(least, MIN_AREA_MM2 / 4 * (centre[i] / baseline_mm) ** 2)
     whole = without_specks(np.where(member, disparity, np.nan).astype(np.float32), int(need), 1.0 * scale)
     if np.isfinite(whole).any():
@@ -87,14 +90,14 @@ def nearest(
     smooth = _smoothed(disparity, member)
     if int(np.isfinite(smooth).sum()) < least / 2:
         smooth = disparity
-    return _measured(smooth, np.isfinite(smooth) & member, forward)
+    return _measured(smooth, np.isfinite(smooth) & member, forward, quantile)
 
 
-def _measured(disparity: Floats, member: npt.NDArray[np.bool_], forward: Floats) -> Nearest:
+def _measured(disparity: Floats, member: npt.NDArray[np.bool_], forward: Floats, quantile: float) -> Nearest:
     rows, cols = np.nonzero(member)
     ray = forward[rows, cols]
     inverse = disparity[rows, cols] / ray
-    chosen = _quantile(inverse, QUANTILE)
+    chosen = _quantile(inverse, quantile)
     depth = 1.0 / (chosen * _quantile(ray, NEAR_RAY))
     at = np.nonzero(inverse >= chosen)[0]
     return Nearest(1.0 / chosen, depth, 4 * rows.size, rows[at], cols[at])
