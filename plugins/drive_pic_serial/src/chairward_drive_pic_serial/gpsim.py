@@ -18,6 +18,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from chairward.realtime import die_with_parent
 from chairward_drive_pic_serial import wire
 from chairward_drive_pic_serial.firmware import FirmwareError, assemble
 from chairward_drive_pic_serial.model import CYCLES_PER_US, PWM_STEPS, RX_BYTE_CYCLES, Pins
@@ -78,6 +79,7 @@ class Gpsim:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             bufsize=0,
+            preexec_fn=die_with_parent,  # a gpsim left alone would run for ever
             env={**os.environ, "HOME": str(folder)},  # keeps its readline history out of the person's home
         )
         self._asked: list[str] = []
