@@ -62,7 +62,7 @@ MS = 1_000_000
 
 
 def duty(path: Path) -> float:
-    """The drive motor's duty at a controller's pins, 0..1; 0 when its brake is on or nothing is published."""
+    """The drive motor's duty at a controller's pins, 0..1; 0 when it brakes or nothing is published."""
     if not path.exists():
         return 0.0
     pins = SharedState.attach(path)
@@ -70,7 +70,8 @@ def duty(path: Path) -> float:
         values = pins.read()
     finally:
         pins.close()
-    return 0.0 if values["brake"] else values["drive_duty"]
+    braking = values["brake"] or values["drive_in1"] == values["drive_in2"]
+    return 0.0 if braking else values["drive_duty"]
 
 
 @dataclass(slots=True)
