@@ -21,8 +21,22 @@ from chairward_stereo_range import evaluate, manifest
 from chairward_stereo_range.finder import Options, RangeFinder
 from chairward_stereo_range.gate import thesis_gate
 from chairward_stereo_range.geometry import make_view, scaled
+from chairward_stereo_range.matching import Method
+from chairward_stereo_range.opencv import opencv
 
-METHODS = ["pyramid", "bm", "sgbm_3way", "sgbm", "sgbm_hh", "zncc", "ncc", "sad", "ssd", "thesis_code", "thesis_text"]
+METHODS: list[Method] = [
+    "pyramid",
+    "bm",
+    "sgbm_3way",
+    "sgbm",
+    "sgbm_hh",
+    "zncc",
+    "ncc",
+    "sad",
+    "ssd",
+    "thesis_code",
+    "thesis_text",
+]
 SIZES = (240, 480)
 REPEATS = 25
 
@@ -39,11 +53,11 @@ def cpu_ms(work: Any, repeats: int = REPEATS) -> dict[str, float]:
     return {"median": round(float(np.median(spent)), 2), "p99": round(float(np.quantile(spent, 0.99)), 2)}
 
 
-def timing(entry: manifest.Entry, method: str, height: int) -> dict[str, float]:
+def timing(entry: manifest.Entry, method: Method, height: int) -> dict[str, float]:
     """From BGR pair to measurement."""
     left, right, was = manifest.pair(entry.left, entry.right, height)
     geometry = scaled(entry.geometry(*was), left.shape[1], left.shape[0])
-    options = Options(method=method, region="trapezoid")  # type: ignore[arg-type]
+    options = Options(method=method, region="trapezoid")
     finder = RangeFinder(make_view(geometry, entry.pose, manifest.FOOTPRINT), options)
     return cpu_ms(lambda: finder.measure(left, right))
 
@@ -52,7 +66,7 @@ def whole_frame_sgbm(entry: manifest.Entry, height: int) -> dict[str, float]:
     """What a plain pipeline does: SGBM over the whole frame, then every pixel to 3-d."""
     left, right, _ = manifest.pair(entry.left, entry.right, height)
     grey = [cv2.cvtColor(p, cv2.COLOR_BGR2GRAY) for p in (left, right)]
-    matcher = cv2.StereoSGBM_create(0, 64 * height // 240, 5, 200, 800, 1, 31, 10)
+    matcher = opencv().StereoSGBM_create(0, 64 * height // 240, 5, 200, 800, 1, 31, 10)
 
     def work() -> None:
         cv2.reprojectImageTo3D(matcher.compute(*grey).astype(np.float32) / 16, np.eye(4))
@@ -86,7 +100,7 @@ def main() -> None:
         out["sets"][name] = {}
         chosen = entries if arguments.sequences else [e for e in entries if e.kind != "sequence"]
         for method in arguments.methods:
-            options = Options(method=method, region="trapezoid")  # type: ignore[arg-type]
+            options = Options(method=method, region="trapezoid")
             results = evaluate.run(chosen, options, SIZES[0], thesis_gate(method))
             summary = evaluate.summary(results)
             out["sets"][name][method] = summary

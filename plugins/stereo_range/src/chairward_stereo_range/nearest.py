@@ -24,7 +24,7 @@ NEAR_SIDE = 0.95
 NEAR_RAY = 0.97
 """Quantile of `forward` over the thing: where its least depth along the optical axis lies, if it stands upright."""
 SMOOTH = 5
-RELIEF = 1.08
+RELIEF, SLANTED_RELIEF = 1.08, 1.15
 """A thing's near side is at most this much nearer than its peak: what is nearer still, yet too small, is an error."""
 
 
@@ -78,7 +78,8 @@ def nearest(
     while i > 0 and held[i - 1] > held[i]:
         i -= 1
     slack = 1.5 * scale
-    member = candidates & (disparity >= centre[i] - slack) & (disparity <= RELIEF * centre[i] + slack)
+    relief = SLANTED_RELIEF if quantile >= NEAR_SIDE else RELIEF
+    member = candidates & (disparity >= centre[i] - slack) & (disparity <= relief * centre[i] + slack)
     if rough:
         return _measured(disparity, member, forward, quantile)
     need = max(least, MIN_AREA_MM2 / 4 * (centre[i] / baseline_mm) ** 2)
