@@ -1,0 +1,213 @@
+"""A real server on a loopback port, fed with real records and a real ring of pictures; pages as browsers have them."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from websockets.sync.client import ClientConnection, connect
+
+from chairward import arbiter, frames, records, wire
+from chairward.components import Context
+from chairward.facts import MS, Facts, Limits, SourceLimits, State
+from chairward.messages import Alive, DriveStatus, Message, RangeReading, Way
+from chairward.stages import Pane
+from chairward_dashboard.settings import DashboardSettings
+from chairward_dashboard.source import Dashboard
+
+LIMITS = Limits(
+    sensors={"front/stereo_range": SourceLimits(freshness_ns=200 * MS, covers=frozenset({Way.AHEAD}))},
+    recognizers={"voice/voice_dtw": SourceLimits(freshness_ns=400 * MS)},
+    stop_devices={"screen/dashboard": SourceLimits(freshness_ns=500 * MS)},
+)
+
+
+def facts_now(ahead_mm: int, now_ns: int, **changes: Any) -> Facts:
+    """A chair at rest, all well, something at ahead_mm."""
+    reading = RangeReading(seq=1, captured_ns=now_ns - 40 * MS, can_see=True, ahead_mm=ahead_mm, left_mm=900)
+    voice = Alive(seq=1, captured_ns=now_ns - 20 * MS, level_dbfs=-31.0, noise_dbfs=-60.0)
+    facts = Facts(
+        now_ns=now_ns,
+        ranges={"front/stereo_range": (reading,) * 3},
+        alive={"voice/voice_dtw": voice, "screen/dashboard": Alive(seq=1, captured_ns=now_ns - 50 * MS)},
+        drive=DriveStatus(at_ns=now_ns - 5 * MS, linked=True, armed=True, speed_mm_s=0.0, battery=0.8),
+        supervisor_ns=now_ns - 10 * MS,
+    )
+    return replace(facts, **changes)
+
+
+class Chair:
+    """What the supervisor and the guard give the lane, and the lane's source with its server."""
+
+    def __init__(self, run_dir: Path, settings: DashboardSettings) -> None:
+        ours, theirs = wire.pair(4 * 1024 * 1024)
+        self.records, self._theirs = ours, theirs
+        self._ring = frames.create()
+        self.pictures = frames.FrameWriter(self._ring)
+        self._ring_read = frames.read_only(self._ring)
+        self.state = State(latch="", armed=True)
+        self.context = Context(
+            lane="screen",
+            run_dir=run_dir,
+            chair_dir=run_dir,
+            records_fd=theirs.fileno(),
+            frames={"front": self._ring_read},
+        )
+        self.source = Dashboard(settings, self.context)
+        self.source.open()
+        self.tick = 0
+
+    @property
+    def address(self) -> str:
+        """host:port"""
+        return self.source.url.removeprefix("http://").removesuffix("/")
+
+    def decide(self, ahead_mm: int = 2_000, **changes: Any) -> records.Record:
+        """One decision of the real arbiter, published as the guard does."""
+        now_ns = time.monotonic_ns()
+        facts = facts_now(ahead_mm, now_ns, **changes)
+        after, decision = arbiter.decide(self.state, facts, LIMITS)
+        self.tick += 1
+        record = records.Record(
+            tick=self.tick,
+            due_ns=now_ns,
+            woke_ns=now_ns,
+            wrote_ns=now_ns,
+            periodic=True,
+            limits_id="test",
+            before=self.state,
+            facts=facts,
+            after=after,
+            decision=decision,
+        )
+        self.state = after
+        wire.send(self.records, records.encode(record))
+        return record
+
+    def picture(self, grey: int = 128) -> None:
+        """New pictures of all four names, 240 x 320, with something to see."""
+        now_ns = time.monotonic_ns()
+        ramp = np.tile(np.linspace(0, 255, 320, dtype=np.uint8), (240, 1))
+        colour = np.dstack([ramp, np.full_like(ramp, grey), ramp[:, ::-1]])
+        images = {"left": colour, "right": colour[:, ::-1], "obstacle": (ramp > grey).astype(np.uint8) * 255}
+        images["disparity"] = ramp
+        self.pictures.write({n: Pane(name=n, image=i, captured_ns=now_ns) for n, i in images.items()})
+
+    def read_until(self, wanted: Callable[[Message], bool], within_s: float = 10.0) -> Message:
+        """What the lane reads, until the wanted message."""
+        end = time.monotonic() + within_s
+        while time.monotonic() < end:
+            for message in self.source.read(0.05) or []:
+                if wanted(message):
+                    return message
+        raise AssertionError(f"not read within {within_s} s")
+
+    def read_for(self, seconds: float) -> list[Message]:
+        """All that the lane reads in that time."""
+        end = time.monotonic() + seconds
+        found: list[Message] = []
+        while time.monotonic() < end:
+            found += self.source.read(0.02) or []
+        return found
+
+    def close(self) -> None:
+        """End everything."""
+        self.source.close()
+        self.pictures.close()
+        self.records.close()
+        self._theirs.close()
+        os.close(self._ring)
+        os.close(self._ring_read)
+
+
+class Page:
+    """A page as the server sees it: one WebSocket."""
+
+    def __init__(self, address: str, **options: Any) -> None:
+        options.setdefault("origin", f"http://{address}")
+        self._stack = ExitStack()
+        self.socket: ClientConnection = self._stack.enter_context(
+            connect(f"ws://{address}/ws", compression=None, max_size=None, **options)
+        )
+
+    def say(self, **word: Any) -> None:
+        """One message."""
+        self.socket.send(json.dumps(word))
+
+    def beat(self) -> None:
+        """One heartbeat."""
+        self.say(t="beat", at_ms=time.monotonic() * 1000.0)
+
+    def bundle(self, within_s: float = 10.0) -> tuple[dict[str, Any], list[bytes]]:
+        """The next bundle: its head and its pictures; acknowledged."""
+        data = self.socket.recv(within_s)
+        assert isinstance(data, bytes)
+        size = int.from_bytes(data[:4], "big")
+        head = json.loads(data[4 : 4 + size])
+        blobs, at = [], 4 + size
+        for pane in head["panes"]:
+            blobs.append(data[at : at + pane["bytes"]])
+            at += pane["bytes"]
+        assert at == len(data)
+        self.say(t="got", n=head["n"])
+        return head, blobs
+
+    def bundle_until(self, wanted: Callable[[dict[str, Any]], bool], within_s: float = 10.0) -> dict[str, Any]:
+        """Bundles until one whose head is as wanted."""
+        end = time.monotonic() + within_s
+        while time.monotonic() < end:
+            head, _ = self.bundle()
+            if wanted(head):
+                return head
+        raise AssertionError(f"no such bundle within {within_s} s")
+
+    def take(self) -> None:
+        """Take control, and be alive."""
+        self.say(t="take")
+        self.beat()
+
+    def close(self) -> None:
+        """Close the page; may be called twice."""
+        self._stack.close()
+
+
+@pytest.fixture
+def settings() -> DashboardSettings:
+    """A port of the system's choice on loopback."""
+    return DashboardSettings(port=0)
+
+
+@pytest.fixture
+def chair(tmp_path: Path, settings: DashboardSettings) -> Iterator[Chair]:
+    """A chair with its screen."""
+    one = Chair(tmp_path, settings)
+    yield one
+    one.close()
+
+
+@pytest.fixture
+def page_at() -> Callable[..., Page]:
+    """Opens a page at an address; the test closes it."""
+    return Page
+
+
+@pytest.fixture
+def open_page(chair: Chair) -> Iterator[Callable[..., Page]]:
+    """Opens pages, and closes them in the end."""
+    pages: list[Page] = []
+
+    def open_one(**options: Any) -> Page:
+        pages.append(Page(chair.address, **options))
+        return pages[-1]
+
+    yield open_one
+    for page in pages:
+        page.close()
