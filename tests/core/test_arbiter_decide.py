@@ -123,7 +123,7 @@ def test_while_a_required_source_is_silent_no_way_is_open() -> None:
 )
 def test_the_instruction_follows_the_nearest_distance(ahead: int, drives: bool, told: str) -> None:
     state = driving() if drives else driving(wish=None)
-    assert decide(*now(state=state, ahead_mm=ahead, left_mm=900))[1].instruction == told
+    assert decide(*now(state=state, ahead_mm=ahead, left_mm=900, right_mm=700))[1].instruction == told
 
 
 def test_the_instruction_is_stop_now_when_nothing_may_move_ahead_for_any_reason() -> None:

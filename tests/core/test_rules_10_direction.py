@@ -42,6 +42,13 @@ def test_the_coverage_of_all_sensors_counts_together() -> None:
     assert caps_for(limits_with(frozenset({Way.AHEAD, Way.LEFT}), frozenset({Way.BEHIND, Way.RIGHT}))) == CAPS
 
 
+def test_a_sensor_that_says_nothing_of_a_way_it_is_declared_to_watch_does_not_watch_it() -> None:
+    limits = limits_with(frozenset({Way.AHEAD, Way.LEFT, Way.RIGHT}))
+    silent = healthy(limits, ranges={"lane0/range": readings(START_NS, ahead_mm=None)})
+    assert meet(direction(look(silent, driving(), limits))).forward_mm_s == UNSEEN.forward_mm_s
+    assert meet(direction(look(healthy(limits), driving(), limits))).forward_mm_s == CAPS.forward_mm_s
+
+
 def test_without_any_sensor_there_is_no_way_ahead() -> None:
     assert caps_for(limits_with()) == UNSEEN
 

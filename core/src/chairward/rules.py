@@ -257,13 +257,18 @@ def drive_health(scene: Scene) -> Votes:
 def direction(scene: Scene) -> Votes:
     """What each way may do at most: the chair's caps, and less where the chair file declares no sensor to watch.
 
-    Only declared coverage counts, never a live reading, so a sensor that appears opens nothing.
+    Only declared coverage can open a way, never a live reading, so a sensor that appears opens nothing. And coverage
+    that is declared but not lived up to is none: a way counts as watched only while a sensor that declares it says a
+    distance there (a healthy reading that leaves a way out says nothing about it).
     """
     limits = scene.limits
     yield Envelope(limits.caps, "direction", "", "the chair's own limit")
-    unwatched = frozenset(WAYS).difference(*[need.covers for need in limits.sensors.values()])
+    unwatched = set(WAYS)
+    for s in scene.seen:
+        if need := limits.sensors.get(s.source):
+            unwatched -= {way for way, mm in zip(WAYS, s[1:5], strict=True) if mm != inf and way in need.covers}
     if unwatched:
-        yield Envelope(_only(limits.unseen, unwatched), "direction", "", "no sensor watches that way")
+        yield Envelope(_only(limits.unseen, frozenset(unwatched)), "direction", "", "no sensor watches that way")
 
 
 RULES: tuple[Callable[[Scene], Votes], ...] = (

@@ -62,7 +62,7 @@ def some_window(rng: Random, now_ns: int, *, trouble: float) -> tuple[RangeReadi
                 captured_ns=at,
                 can_see=not (near and rng.random() < 0.3),
                 ahead_mm=rng.choice(DISTANCES) if near else 5_000,
-                behind_mm=rng.choice(DISTANCES) if near else None,
+                behind_mm=rng.choice(DISTANCES) if near else 5_000,
                 left_mm=rng.choice(DISTANCES) if near else 5_000,
                 right_mm=rng.choice(DISTANCES) if near else 5_000,
                 closing_mm_s=rng.choice((0, 0, 300, 1_400)) if near else 0,
@@ -173,7 +173,9 @@ def _nearer(way: str) -> Worse:
     def worse(rng: Random, facts: Facts, limits: Limits) -> Facts:
         def pull(reading: RangeReading) -> RangeReading:
             said = getattr(reading, way)
-            closer = rng.choice([mm for mm in DISTANCES if mm is not None and mm <= (5_000 if said is None else said)])
+            if said is None:  # saying nothing of a way is already the worst that can be said of it
+                return reading
+            closer = rng.choice([mm for mm in DISTANCES if mm is not None and mm <= said])
             return msgspec.structs.replace(reading, **{way: closer})
 
         return _each(pull)(rng, facts, limits)

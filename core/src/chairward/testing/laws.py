@@ -87,9 +87,17 @@ def stop_wins(facts: Facts, after: State, decision: Decision) -> None:
 
 
 def within_what_the_chair_file_allows(facts: Facts, limits: Limits, decision: Decision) -> None:
-    """P2: never above the caps, nor above what a way without coverage may do, nor towards what is too near."""
+    """P2: never above the caps, nor above what an unwatched way may do, nor towards what is too near.
+
+    A way is watched while a sensor that the chair file says covers it says a distance there.
+    """
     drive, turn = decision.motion
-    covered = {way for need in limits.sensors.values() for way in need.covers}
+    covered = {
+        way
+        for name, need in limits.sensors.items()
+        for way in need.covers
+        if any(getattr(reading, f"{way}_mm") is not None for reading in facts.ranges.get(name, ()))
+    }
     most = {
         way: min(cap, unseen if way not in covered else cap)
         for way, cap, unseen in zip(Way, limits.caps, limits.unseen, strict=True)

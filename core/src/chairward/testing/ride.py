@@ -32,7 +32,8 @@ def readings(
     now_ns: int, *, age_ns: int = 60 * MS, period_ns: int = 33 * MS, **fields: Any
 ) -> tuple[RangeReading, ...]:
     """Three equal readings, the newest age_ns old; fields as of `RangeReading` (far ahead and seeing, unless told)."""
-    said = {"can_see": True, "ahead_mm": 4_000, **fields}
+    far = dict.fromkeys(("ahead_mm", "behind_mm", "left_mm", "right_mm"), 4_000)
+    said: dict[str, Any] = {"can_see": True, **far, **fields}
     return tuple(RangeReading(seq=i, captured_ns=now_ns - age_ns - (3 - i) * period_ns, **said) for i in (1, 2, 3))
 
 
