@@ -69,6 +69,12 @@ def test_no_crawl_when_the_other_is_blind_too_or_does_not_look_ahead_or_shares_t
     assert meet(votes(with_other(TWIN), front_range=3)).forward_mm_s == 0.0
 
 
+def test_no_crawl_when_the_other_sees_but_says_no_distance_ahead() -> None:
+    limits = with_other(SONAR)
+    mute = healthy(limits, ranges={FRONT: window(3), SONAR: readings(START_NS, ahead_mm=None)})
+    assert meet(list(blind(look(mute, driving(), limits)))).forward_mm_s == 0.0
+
+
 def test_a_stranger_to_the_chair_file_gives_no_crawl_and_has_no_ways_to_close() -> None:
     limits = replace(LIMITS, crawl_mm_s=80.0)
     facts = healthy(limits, ranges={FRONT: window(3), SONAR: window(0), "other/range": window(3)})

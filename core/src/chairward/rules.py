@@ -196,7 +196,8 @@ def blind(scene: Scene) -> Votes:
 
 def _watches_ahead(scene: Scene, other: Seen, blind_one: str) -> bool:
     need = scene.limits.sensors.get(other.source)
-    return bool(need and Way.AHEAD in need.covers and not other.blind and lane(other.source) != lane(blind_one))
+    sees = not other.blind and other.ahead_mm < inf
+    return bool(need and Way.AHEAD in need.covers and sees and lane(other.source) != lane(blind_one))
 
 
 def _only(caps: Caps, ways: frozenset[Way]) -> Caps:
