@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict
 
 from chairward.messages import DriveStatus, Message
 from chairward.stages import Pane
+from chairward.stages import Pose as Pose
 
 T = TypeVar("T")
 
@@ -37,21 +38,6 @@ class Motion(NamedTuple):
 
 
 STILL = Motion(0.0, 0.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pose:
-    """Where a sensor sits on the chair: x forward, y left, z up from the floor below the axle's middle.
-
-    yaw_deg: turned left is positive. pitch_deg: looking *down* is positive. roll_deg: right side down is positive.
-    """
-
-    x_mm: float = 0.0
-    y_mm: float = 0.0
-    z_mm: float = 0.0
-    yaw_deg: float = 0.0
-    pitch_deg: float = 0.0
-    roll_deg: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -207,6 +193,7 @@ class Component:
     name: as chair files say it. settings: a `Settings` class. make: settings, context -> the object.
     needs, gives: types a stage takes from and lays on the bench, in that order; for a source, what it yields.
     Messages in `gives` say what the guard may expect: RangeReading or Veto make it a required, vetoing sensor.
+    plugin: who offers it; filled in when the plugin is registered.
     """
 
     name: str
@@ -215,3 +202,4 @@ class Component:
     needs: Sequence[type[object]] = ()
     gives: Sequence[type[object]] = ()
     summary: str = ""
+    plugin: str = ""

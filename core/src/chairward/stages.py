@@ -15,6 +15,21 @@ Floats = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Pose:
+    """Where a sensor sits on the chair: x forward, y left, z up from the floor below the axle's middle.
+
+    yaw_deg: turned left is positive. pitch_deg: looking *down* is positive. roll_deg: right side down is positive.
+    """
+
+    x_mm: float = 0.0
+    y_mm: float = 0.0
+    z_mm: float = 0.0
+    yaw_deg: float = 0.0
+    pitch_deg: float = 0.0
+    roll_deg: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StereoGeometry:
     """A rectified pair's geometry: Z_mm = focal_px * baseline_mm / (disparity_px + doffs_px).
 
@@ -35,7 +50,8 @@ class StereoFrame:
     """A pair of pictures taken at (nearly) the same instant; left, right: h x w x 3 uint8 BGR, equal shapes.
 
     captured_ns: of the older picture. skew_ns: between the two. geometry: set when the pair is already rectified
-    (files, simulator); None means raw camera pictures that need the chair's calibration. name: "" or the file's name.
+    (files, simulator); None means raw camera pictures that need the chair's calibration. name: "" or the file's name
+    ("recording/frame" of a sequence). pose: where these recorded pictures were taken from; None: the chair file's pose.
     """
 
     left: Image
@@ -45,17 +61,22 @@ class StereoFrame:
     skew_ns: int = 0
     geometry: StereoGeometry | None = None
     name: str = ""
+    pose: Pose | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RectifiedPair:
-    """The pair after rectification and resizing to the working size; left, right: h x w x 3 uint8 BGR."""
+    """The pair after rectification and resizing to the working size; left, right: h x w x 3 uint8 BGR.
+
+    pose: the pose in force, z_mm 0 where the mount is unknown; None: the chair file's pose.
+    """
 
     left: Image
     right: Image
     geometry: StereoGeometry
     captured_ns: int
     seq: int
+    pose: Pose | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
