@@ -6,10 +6,11 @@ import json
 import logging
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TextIO
 
-from chairward.components import Context, DeviceLost, EndOfInput
+from chairward.components import Context, DeviceLost, EndOfInput, Pose
 from chairward.stages import StereoFrame
 from chairward_cameras.settings import CamerasSettings
 from chairward_cameras.shots import Shot, shots
@@ -30,6 +31,7 @@ class FilePairs:
         self, settings: CamerasSettings, context: Context, clock: Callable[[], int] = time.monotonic_ns
     ) -> None:
         self._settings, self._clock = settings, clock
+        self._pose = context.pose
         self._truth_path: Path = context.run_dir / f"{context.lane}-truth.jsonl"
         self._truth: TextIO | None = None
         self._shots: list[Shot] = []
@@ -85,6 +87,7 @@ class FilePairs:
             seq=self._seq,
             geometry=frame.geometry,
             name=shot.name,
+            pose=self._taken_from(shot),
         )
 
     def close(self) -> None:
@@ -95,6 +98,12 @@ class FilePairs:
         if self.skipped:
             log.warning("%d recorded pairs were skipped: their reader is slower than they were recorded", self.skipped)
             self.skipped = 0
+
+    def _taken_from(self, shot: Shot) -> Pose | None:
+        """Where the list says that the cameras stood: at this chair's front, at the recording's height and pitch."""
+        if shot.mount is None:
+            return None
+        return replace(self._pose, z_mm=shot.mount.z_mm, pitch_deg=shot.mount.pitch_deg, roll_deg=0.0)
 
     def _skip_what_has_passed(self, start_ns: int) -> None:
         """Go on to the newest pair that is due, as a camera would; the very last pair is always given."""

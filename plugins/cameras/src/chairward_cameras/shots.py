@@ -24,6 +24,18 @@ DEFAULT_FPS = 15.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Mount:
+    """Height of the cameras above the floor, and how far they look down."""
+
+    z_mm: float
+    pitch_deg: float
+
+
+MOUNTS = {"A": Mount(z_mm=400.0, pitch_deg=0.0), "B": Mount(z_mm=700.0, pitch_deg=15.0)}
+"""What `mount=` in a note may say."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Optics:
     """Geometry of a rectified pair, for pictures as they are stored: Z_mm = focal * baseline / (disparity + doffs)."""
 
@@ -38,6 +50,7 @@ class Shot:
 
     truth_mm: depth of the nearest thing ahead, from the camera; None where nobody measured it.
     depth, ids: pictures from which the truth can be measured (renders); used when truth_mm is None.
+    mount: where they were taken from, as far as the list tells.
     """
 
     name: str
@@ -50,6 +63,7 @@ class Shot:
     truth_mm: float | None = None
     depth: Path | None = None
     ids: Path | None = None
+    mount: Mount | None = None
 
 
 def shots(settings: CamerasSettings) -> list[Shot]:
@@ -147,6 +161,13 @@ class _Row:
         """The key=value pairs of the note."""
         return dict(part.split("=", 1) for part in self.text("note").split() if "=" in part)
 
+    def mount(self) -> Mount | None:
+        """What the note says about the cameras' place."""
+        letter = self.notes().get("mount")
+        if letter is not None and letter not in MOUNTS:
+            raise self.wrong(f"the note says mount={letter}, but only {' or '.join(MOUNTS)} is known")
+        return None if letter is None else MOUNTS[letter]
+
     def file(self, column: str, text: str) -> Path:
         """An existing file, named relative to the manifest."""
         if not text:
@@ -182,6 +203,7 @@ class _Row:
             repeat=settings.hold_frames,
             optics=optics,
             truth_mm=truth,
+            mount=self.mount(),
         )
 
     def _sequence(self, settings: CamerasSettings, name: str, optics: Optics) -> Iterator[Shot]:
@@ -219,6 +241,7 @@ class _Row:
                 truth_mm=truths.get(index),
                 depth=self.file("gt", gt % index) if rendered else None,
                 ids=self.file("note id=", notes["id"] % index) if rendered else None,
+                mount=self.mount(),
             )
 
     def _truth_table(self, gt: str) -> dict[int, float]:

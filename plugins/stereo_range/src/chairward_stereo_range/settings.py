@@ -18,6 +18,13 @@ class StereoRangeSettings(Settings):
     calibration: Annotated[
         Path | None, Field(description="Calibration file of raw camera pictures, relative to the chair file")
     ] = None
+    mount: Annotated[
+        Literal["chair", "floor"],
+        Field(
+            description="Pose of pictures that do not tell it. chair: as in the chair file; "
+            "floor: found from the floor in the pictures (recordings)"
+        ),
+    ] = "chair"
     height_px: Annotated[int, Field(ge=120, le=1080, description="Rows of the working picture")] = 240
     region: Annotated[
         Literal["corridor", "trapezoid"],

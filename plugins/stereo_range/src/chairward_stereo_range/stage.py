@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 
 import numpy as np
 
-from chairward.components import Bench, Context
+from chairward.components import Bench, Context, Pose
 from chairward.messages import NOTHING_NEAR_MM, Message, RangeReading
 from chairward.stages import (
     DisparityMap,
@@ -24,6 +25,7 @@ from chairward_stereo_range import calibration_file, panes
 from chairward_stereo_range.finder import Options, RangeFinder, reported_mm
 from chairward_stereo_range.geometry import make_view, scaled, working_size
 from chairward_stereo_range.opencv import opencv
+from chairward_stereo_range.own_mount import OwnMount, recording
 from chairward_stereo_range.settings import StereoRangeSettings
 from chairward_stereo_range.tracker import Tracked, Tracker
 
@@ -55,8 +57,9 @@ class StereoRange:
             self._calibration_path = context.chair_dir / settings.calibration
             self._calibration = calibration_file.load(self._calibration_path)
         self._rectifier: calibration_file.Rectifier | None = None
+        self._own_mount = OwnMount(context.pose) if settings.mount == "floor" else None
         self._tracker: Tracker | None = None
-        self._source_geometry: StereoGeometry | None = None
+        self._tracked: tuple[str, StereoGeometry, Pose] | None = None
 
     def process(self, bench: Bench) -> Iterable[Message]:
         """One reading for each pair; an empty bench (the source timed out) gives none, and so goes stale."""
@@ -69,7 +72,9 @@ class StereoRange:
             return (self._blind(frame, str(error)),)
         if pair is None:
             return (self._blind(frame, "raw camera pictures, but no calibration file is set"),)
-        tracker = self._tracker_for(pair.geometry)
+        pose = self._pose(frame, pair)
+        pair = replace(pair, pose=pose)
+        tracker = self._tracker_for((recording(frame), pair.geometry, pose))
         mask = bench.get(ObstacleMap)
         step = tracker.step(
             pair.left, pair.right, frame.captured_ns, frame.skew_ns, None if mask is None else mask.mask
@@ -114,10 +119,17 @@ class StereoRange:
             return None
         return RectifiedPair(left=left, right=right, geometry=geometry, captured_ns=frame.captured_ns, seq=frame.seq)
 
-    def _tracker_for(self, geometry: StereoGeometry) -> Tracker:
-        if self._tracker is None or geometry != self._source_geometry:
-            view = make_view(geometry, self._context.pose, self._context.footprint)
-            self._tracker, self._source_geometry = Tracker(RangeFinder(view, self._options)), geometry
+    def _pose(self, frame: StereoFrame, pair: RectifiedPair) -> Pose:
+        if self._own_mount is not None:
+            return self._own_mount.pose(frame, pair.left, pair.right, pair.geometry)
+        return frame.pose or self._context.pose
+
+    def _tracker_for(self, tracked: tuple[str, StereoGeometry, Pose]) -> Tracker:
+        """The tracker of a recording, its geometry and its pose: what was seen in another one is forgotten."""
+        if self._tracker is None or tracked != self._tracked:
+            _, geometry, pose = tracked
+            view = make_view(geometry, pose, self._context.footprint)
+            self._tracker, self._tracked = Tracker(RangeFinder(view, self._options)), tracked
         return self._tracker
 
     def _reading(self, frame: StereoFrame, step: Tracked) -> RangeReading:

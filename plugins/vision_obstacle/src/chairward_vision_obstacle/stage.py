@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import cv2
 
-from chairward.components import Bench, Context
+from chairward.components import Bench, Context, Pose
 from chairward.messages import NOTHING_NEAR_MM, Message, RangeReading
 from chairward.stages import DisparityMap, FloorMap, ObstacleMap, Pane, RectifiedPair, StereoFrame, StereoGeometry
 from chairward_vision_obstacle import panes
@@ -16,6 +16,7 @@ from chairward_vision_obstacle.thesis import ThesisMethod, choose_side, obstacle
 
 NO_FLOOR_MAP = "no measured floor on the bench: put stereo_range before vision_obstacle in the lane's stages"
 NO_MOUNT = "the camera's height is not known: set the lane's pose.z_mm in the chair file"
+NO_FLOOR_YET = "the camera's height is not known: no floor has been found in these pictures yet"
 
 
 class ThesisVision:
@@ -52,7 +53,7 @@ class LearnedStage:
         cv2.setNumThreads(1)
         self._settings, self._context = settings, context
         self._vision: LearnedVision | None = None
-        self._geometry: StereoGeometry | None = None
+        self._made_for: tuple[StereoGeometry, Pose] | None = None
 
     def process(self, bench: Bench) -> Iterable[Message]:
         """One reading for each frame; an empty bench gives none, and so goes stale."""
@@ -62,11 +63,12 @@ class LearnedStage:
         pair, floor = bench.get(RectifiedPair), bench.get(FloorMap)
         if pair is None or floor is None or floor.captured_ns != pair.captured_ns:
             return (self._blind(frame, NO_FLOOR_MAP),)
-        if self._context.pose.z_mm <= 0:
-            return (self._blind(frame, NO_MOUNT),)
-        if self._vision is None or pair.geometry != self._geometry:
-            self._geometry = pair.geometry
-            self._vision = LearnedVision(self._settings, pair.geometry, self._context.pose, self._context.footprint)
+        pose = pair.pose or self._context.pose
+        if pose.z_mm <= 0:
+            return (self._blind(frame, NO_MOUNT if self._context.pose.z_mm <= 0 else NO_FLOOR_YET),)
+        if self._vision is None or (pair.geometry, pose) != self._made_for:
+            self._made_for = (pair.geometry, pose)
+            self._vision = LearnedVision(self._settings, pair.geometry, pose, self._context.footprint)
         found = self._vision.judge(pair, floor, bench.get(DisparityMap))
         bench.put(ObstacleMap(mask=found.mask, captured_ns=frame.captured_ns))
         if self._settings.panes:
