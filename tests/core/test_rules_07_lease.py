@@ -13,6 +13,7 @@ from chairward.facts import MS, Limits, S, State
 from chairward.messages import Button, Command
 from chairward.rules import lease
 from chairward.scene import look
+from chairward.testing.cases import stick_command
 from chairward.testing.ride import PANEL, START_NS, TICK_NS, VOICE, Ride, chair_limits, driving, healthy
 
 STICK = "panel/stick"
@@ -301,8 +302,48 @@ def test_a_stick_asks_for_its_share_of_the_persons_speeds(
 ) -> None:
     ride = armed()
     for _ in range(20):
-        ride.tick(ride.wish(Command.FRONT, held=True, source=STICK, stick=stick), times=5)
+        ride.tick(ride.wish(stick_command(*stick), held=True, source=STICK, stick=stick), times=5)
     assert ride.decisions[-1].motion == motion
+    assert (ride.decisions[-1].instruction == "Go straight") == (stick[0] > 0.0)
+    assert ride.state.step_left == 0.0, "a stick is no step"
+
+
+@pytest.mark.parametrize(
+    ("stick", "lacks"),
+    [
+        ((1.0, 0.0), Command.FRONT),
+        ((0.4, 0.2), Command.LEFT),
+        ((0.0, 1.0), Command.LEFT),
+        ((0.0, -1.0), Command.RIGHT),
+        ((1.0, -0.1), Command.RIGHT),
+    ],
+)
+def test_a_stick_does_nothing_for_which_the_person_has_no_command(stick: tuple[float, float], lacks: Command) -> None:
+    ride = armed(chair_limits(commands=frozenset(Command) - {lacks}))
+    refused = ride.tick(ride.wish(stick_command(*stick), held=True, source=STICK, stick=stick))
+    assert refused.motion == STILL
+    assert ride.state.wish is None
+    assert refused.notes == (f"{STICK}: '{lacks}' is not one of this person's commands",)
+
+
+@pytest.mark.parametrize("has", [(), (Command.BACK,), (Command.REVERSE,)])
+def test_a_stick_backs_only_for_a_person_who_may_back_or_reverse(has: tuple[Command, ...]) -> None:
+    ride = armed(chair_limits(commands=frozenset({Command.FRONT, *has})))
+    backs = ride.tick(ride.wish(Command.BACK, held=True, source=STICK, stick=(-1.0, 0.0)), times=5).motion
+    assert (backs.drive_mm_s < 0.0) == bool(has)
+
+
+def test_a_stick_moved_to_where_it_may_not_go_ends_what_it_asked_before() -> None:
+    ride = armed(chair_limits(commands=frozenset({Command.FRONT})))
+    ride.tick(ride.wish(Command.FRONT, held=True, source=STICK, stick=(1.0, 0.0)), times=5)
+    assert ride.tick(ride.wish(Command.FRONT, held=True, source=STICK, stick=(1.0, 0.5))).motion == STILL
+
+
+def test_a_stick_let_go_stops_whatever_commands_the_person_has() -> None:
+    ride = armed(chair_limits(commands=frozenset({Command.FRONT})))
+    ride.tick(ride.wish(Command.FRONT, held=True, source=STICK, stick=(1.0, 0.0)), times=5)
+    let_go = ride.tick(ride.wish(Command.RIGHT, held=True, source=STICK, stick=(0.0, 0.0)))
+    assert (let_go.motion, let_go.notes) == (STILL, ())
 
 
 def test_a_stick_let_go_stops_at_once_and_a_resting_stick_does_not_end_a_word() -> None:

@@ -13,6 +13,7 @@ from chairward.facts import Facts, Limits, S, State, Wish
 from chairward.messages import Button, Command
 
 TURNS = (Command.LEFT, Command.RIGHT)
+AT_REST = (0.0, 0.0)
 
 
 def travel(state: State, facts: Facts, limits: Limits, dt_s: float) -> State:
@@ -56,8 +57,10 @@ def listen(state: State, facts: Facts, limits: Limits) -> tuple[State, tuple[str
     for wish in facts.heard:
         if wish.command is Command.HELP:
             continue
-        if wish.command not in limits.commands:
-            notes.append(f"{wish.source}: '{wish.command}' is not one of this person's commands")
+        if lacks := lacking(wish, limits):
+            notes.append(f"{wish.source}: '{lacks}' is not one of this person's commands")
+            if wish.stick is not None:  # a stick that asks for too much is a stick let go
+                state = hear(state, replace(wish, stick=AT_REST), limits)
         elif state.latch:
             notes.append(f"{wish.source}: '{wish.command}' is not obeyed: {state.latch}")
         else:
@@ -65,6 +68,17 @@ def listen(state: State, facts: Facts, limits: Limits) -> tuple[State, tuple[str
     if state.wish and any(pressed.button is Button.HOLD for pressed in facts.pressed):
         state = _hold(state, facts.now_ns)
     return state, tuple(notes)
+
+
+def lacking(wish: Wish, limits: Limits) -> Command | None:
+    """The command that this wish needs and the person does not have; a stick needs one for each of its directions."""
+    if wish.stick is None:
+        return None if wish.command in limits.commands else wish.command
+    forward, left = wish.stick
+    if forward < 0.0 and not {Command.BACK, Command.REVERSE} & limits.commands:
+        return Command.BACK
+    needed = ((forward > 0.0, Command.FRONT), (left > 0.0, Command.LEFT), (left < 0.0, Command.RIGHT))
+    return next((command for asked, command in needed if asked and command not in limits.commands), None)
 
 
 def hear(state: State, wish: Wish, limits: Limits) -> State:
@@ -76,8 +90,10 @@ def hear(state: State, wish: Wish, limits: Limits) -> State:
     old = state.wish
     if old and old.held and not wish.held and old.source != wish.source:
         return state
-    if wish.stick == (0.0, 0.0):
+    if wish.stick == AT_REST:
         return replace(state, wish=None, base=None) if old and old.source == wish.source else state
+    if wish.stick is not None:
+        return replace(state, wish=wish, base=None, step_left=0.0)
     if wish.command in TURNS:
         forward = state.base or (old if old and old.command is Command.FRONT and old.stick is None else None)
         if forward and not wish.held:
@@ -114,7 +130,9 @@ def motion_of(state: State, limits: Limits) -> Motion:
 def wants_forward(state: State) -> bool:
     """A forward wish is live, bent by an arc or not."""
     wish = state.base or state.wish
-    return wish is not None and wish.command is Command.FRONT
+    if wish is None:
+        return False
+    return wish.command is Command.FRONT if wish.stick is None else wish.stick[0] > 0.0
 
 
 def lease_left_s(state: State, facts: Facts, limits: Limits) -> float:

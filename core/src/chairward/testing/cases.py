@@ -16,6 +16,7 @@ from chairward.components import STILL, Motion
 from chairward.facts import MS, NOT_ARMED, Facts, Limits, Near, Pressed, S, SourceLimits, State, Wish
 from chairward.messages import Alive, Button, Command, DriveStatus, RangeReading, Veto, Way
 from chairward.testing.ride import PANEL, START_NS, VOICE
+from chairward.wishes import AT_REST
 
 SENSORS = ("front/stereo", "front/colour", "rear/sonar")
 TILT = "body/tilt"
@@ -106,9 +107,16 @@ def some_wish(rng: Random, now_ns: int, seq: int = 1) -> Wish:
     """A word, a held switch or a stick."""
     kind = rng.choice(("word", "word", "word", "held", "stick"))
     stick = rng.choice(((1.0, 0.0), (0.5, -0.5), (-1.0, 0.2), (0.0, 1.0), (0.0, 0.0))) if kind == "stick" else None
-    command = Command.FRONT if stick else rng.choice(tuple(Command))
+    command = stick_command(*stick) if stick else rng.choice(tuple(Command))
     source = VOICE if kind == "word" else PANEL
     return Wish(source=source, seq=seq, at_ns=now_ns, command=command, held=kind != "word", stick=stick)
+
+
+def stick_command(forward: float, left: float) -> Command:
+    """The command that goes with a stick, as the border says it."""
+    if forward:
+        return Command.FRONT if forward > 0.0 else Command.BACK
+    return Command.LEFT if left > 0.0 else Command.RIGHT
 
 
 def some_state(rng: Random, limits: Limits, now_ns: int) -> State:
@@ -116,10 +124,10 @@ def some_state(rng: Random, limits: Limits, now_ns: int) -> State:
     latch = rng.choice(("",) * 10 + (NOT_ARMED, "a fault"))
     wish = some_wish(rng, now_ns)
     wish = replace(wish, at_ns=now_ns - rng.choice((20, 60, 100, 240, 251 if wish.held else 7_900, 8_001)) * MS)
-    if latch or wish.command in (Command.STOP, Command.HELP) or wish.stick == (0.0, 0.0) or rng.random() < 0.1:
+    if latch or wish.command in (Command.STOP, Command.HELP) or wish.stick == AT_REST or rng.random() < 0.1:
         return State(latch=latch, needs_reset=latch == "a fault", output_ns=now_ns - 20 * MS)
     arc = wish.command in (Command.LEFT, Command.RIGHT) and not wish.held and rng.random() < 0.5
-    step = wish.command is not Command.FRONT
+    step = wish.command is not Command.FRONT and wish.stick is None
     near = Near(distance_mm=700, seen_ns=now_ns - 200 * MS, gone=rng.random() < 0.5)
     return State(
         latch="",
