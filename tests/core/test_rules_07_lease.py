@@ -268,6 +268,26 @@ def test_hold_keeps_a_word_alive_past_its_lease_and_letting_go_ends_it() -> None
     assert ride.decisions[-1].motion == STILL
 
 
+@pytest.mark.parametrize("word", [Command.LEFT, Command.RIGHT, Command.BACK, Command.REVERSE])
+def test_hold_does_not_make_a_step_longer(word: Command) -> None:
+    plain, held = armed(), armed()
+    for ride in (plain, held):
+        start = len(ride.decisions)
+        ride.tick(word)
+        while ride.state.wish:
+            ride.tick(press=[Button.HOLD] if ride is held else [])
+        assert len(ride.decisions) - start < 200
+    assert integrated(held) == integrated(plain)
+
+
+def test_hold_does_not_keep_a_stick_that_has_fallen_silent() -> None:
+    ride = armed()
+    ride.tick(ride.wish(Command.FRONT, held=True, source=STICK, stick=(1.0, 0.0)))
+    for _ in range(15):
+        ride.tick(press=[Button.HOLD])
+    assert ride.decisions[-1].motion == STILL
+
+
 def test_hold_alone_moves_nothing_and_does_not_bring_a_spent_wish_back() -> None:
     ride = armed()
     assert ride.tick(press=[Button.HOLD], times=3).motion == STILL

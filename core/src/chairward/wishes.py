@@ -65,7 +65,7 @@ def listen(state: State, facts: Facts, limits: Limits) -> tuple[State, tuple[str
             notes.append(f"{wish.source}: '{wish.command}' is not obeyed: {state.latch}")
         else:
             state = hear(state, wish, limits)
-    if state.wish and any(pressed.button is Button.HOLD for pressed in facts.pressed):
+    if any(pressed.button is Button.HOLD for pressed in facts.pressed):
         state = _hold(state, facts.now_ns)
     return state, tuple(notes)
 
@@ -104,10 +104,15 @@ def hear(state: State, wish: Wish, limits: Limits) -> State:
 
 
 def _hold(state: State, now_ns: int) -> State:
-    """HOLD turns the live word into a held one: it goes on while HOLD repeats, past its lease, and ends on release."""
+    """HOLD turns a live forward word into a held one: it goes on while HOLD repeats, past its lease, until release.
+
+    A step is not held: it ends when it is done, and of an arc HOLD holds the drive under it.
+    """
     if state.base:
         return replace(state, base=replace(state.base, held=True, at_ns=now_ns))
-    return replace(state, wish=state.wish and replace(state.wish, held=True, at_ns=now_ns))
+    if state.wish and state.wish.command is Command.FRONT and state.wish.stick is None:
+        return replace(state, wish=replace(state.wish, held=True, at_ns=now_ns))
+    return state
 
 
 def motion_of(state: State, limits: Limits) -> Motion:
