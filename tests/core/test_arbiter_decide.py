@@ -126,6 +126,31 @@ def test_the_instruction_follows_the_nearest_distance(ahead: int, drives: bool, 
     assert decide(*now(state=state, ahead_mm=ahead, left_mm=900, right_mm=700))[1].instruction == told
 
 
+@pytest.mark.parametrize(
+    ("left", "right", "told"),
+    [
+        (900, 900, "Turn slightly left"),
+        (400, 500, "Turn slightly right"),
+        (0, None, "Turn slightly left"),
+        (None, 0, "Turn slightly right"),
+        (None, 900, "Turn slightly right"),
+        (None, None, "Stop now"),
+    ],
+)
+def test_a_side_that_nobody_senses_is_never_recommended(left: int | None, right: int | None, told: str) -> None:
+    assert decide(*now(ahead_mm=700, left_mm=left, right_mm=right))[1].instruction == told
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_the_side_recommended_is_by_all_sensors_not_only_by_the_nearest(swapped: bool) -> None:
+    limits = replace(LIMITS, sensors={**LIMITS.sensors, SIDE: LIMITS.sensors[FRONT]})
+    only_ahead = readings(START_NS, ahead_mm=650, left_mm=None, right_mm=None)
+    ranges = {FRONT: readings(START_NS, ahead_mm=700, left_mm=300, right_mm=2_000), SIDE: only_ahead}
+    if swapped:
+        ranges = {FRONT: only_ahead, SIDE: ranges[FRONT]}
+    assert decide(driving(), healthy(limits, ranges=ranges), limits)[1].instruction == "Turn slightly right"
+
+
 def test_the_instruction_is_stop_now_when_nothing_may_move_ahead_for_any_reason() -> None:
     limits = replace(LIMITS, lease_s=8.0)
     unarmed = decide(State(output_ns=START_NS), healthy(limits), limits)[1]

@@ -112,7 +112,7 @@ def test_where_the_turn_is_not_wholly_allowed_the_chair_goes_straight() -> None:
 
 @pytest.mark.parametrize(
     ("left", "right", "told"),
-    [(800, 700, "left"), (700, 800, "right"), (700, 700, "left"), (None, 700, "right"), (None, None, "left")],
+    [(800, 700, "left"), (700, 800, "right"), (700, 700, "left"), (None, 700, "right"), (700, None, "left")],
 )
 def test_the_person_is_told_the_freer_side_clear_or_not_and_left_when_equal(
     left: int | None, right: int | None, told: str

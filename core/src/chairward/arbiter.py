@@ -164,7 +164,20 @@ def instruct(state: State, scene: Scene, caps: Caps, nearest_mm: float) -> str:
     if caps.forward_mm_s <= 0.0 or nearest_mm <= limits.stop_mm:
         return Instruction.STOP
     if nearest_mm <= limits.avoid_mm:
-        s = min(scene.seen, key=lambda s: s.ahead_mm)
-        left, right = (0.0 if side == inf else side for side in (s.left_mm, s.right_mm))
-        return Instruction.TURN_LEFT if left >= right else Instruction.TURN_RIGHT
+        return _which_side(scene)
     return Instruction.GO_STRAIGHT if wants_forward(state) else Instruction.WAY_CLEAR
+
+
+def _which_side(scene: Scene) -> str:
+    """Towards the side that rule 4 would steer to, else the freer (a tie: left) of the sides that any sensor senses.
+
+    Where nobody senses a side there is none to recommend.
+    """
+    side = freer_side(scene)
+    if not side:
+        nearest = (min(s.left_mm for s in scene.seen), min(s.right_mm for s in scene.seen))
+        left, right = (-1.0 if mm == inf else mm for mm in nearest)
+        if left == right == -1.0:
+            return Instruction.STOP
+        side = left - right
+    return Instruction.TURN_LEFT if side >= 0.0 else Instruction.TURN_RIGHT
