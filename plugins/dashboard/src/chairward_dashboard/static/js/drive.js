@@ -1,6 +1,6 @@
 // Writes a state into the drive page. Texts only ever through textContent.
 
-import { has, number, text } from "./texts.js";
+import { amount, has, number, text, told } from "./texts.js";
 
 const $ = (id) => document.getElementById(id);
 const SHAPES = {
@@ -21,7 +21,7 @@ export function put(element, words) {
 
 export function reason({ rule, source, detail }) {
   const known = has(`rule.${rule}`) ? text(`rule.${rule}`) : rule;
-  return [known, [source, detail].filter(Boolean).join(": ")].filter(Boolean).join(" – ");
+  return [known, [source, told(detail)].filter(Boolean).join(": ")].filter(Boolean).join(" – ");
 }
 
 export function distance(state) {
@@ -47,11 +47,12 @@ function sign(state, linked) {
   const lines = [];
   if (!linked) lines.push(text("no_link"));
   else if (!state.news) lines.push(text("no_news"));
-  if (state.latch) lines.push(`${text(state.needs_reset ? "latch.reset" : "latch.arm")} – ${state.latch}`);
+  if (state.latch) lines.push(`${text(state.needs_reset ? "latch.reset" : "latch.arm")} – ${told(state.latch)}`);
   else if (linked && state.news && !state.armed) lines.push(text("not_armed"));
   if (state.remembers) lines.push(text("remembers"));
   if (state.help) lines.push(text("help.called"));
-  list($("reasons"), [...lines, ...(state.reasons ?? []).map(reason)].slice(0, 4));
+  const reasons = (state.reasons ?? []).filter(({ rule }) => rule !== "latch"); // it has its own line above
+  list($("reasons"), [...new Set([...lines, ...reasons.map(reason)])].slice(0, 4));
   announce(state);
 }
 
@@ -75,7 +76,7 @@ function control(state, you, linked) {
   disable($("reset"), !(still && (state.needs_reset || state.remembers)));
   $("take").hidden = !linked || you.controls || !you.free;
   $("give").hidden = !linked || !you.controls;
-  put($("refused"), you.refused ? text(you.refused) : state.refused ?? "");
+  put($("refused"), you.refused ? text(you.refused) : told(state.refused ?? ""));
 }
 
 function disable(button, off) {
@@ -87,18 +88,18 @@ function now(state) {
   const open = state.open ?? [];
   put($("ways"), open.length ? open.map((way) => `${WAYS[way]} ${text(`way.${way}`)}`).join("  ") : text("ways.none"));
   const heard = state.heard;
-  put($("heard"), heard ? `${heard.word || text(`command.${heard.command}`)} = ${text(`command.${heard.command}`)}, ${number(Math.round(heard.confidence * 100))} %, ${text("ago", { s: number(Math.round(heard.age_ms / 1000)) })}` : text("heard.none"));
-  bar($("lease"), state.lease_left_s ?? 0, 0, state.lease_s ?? 8, (state.lease_left_s ?? 0) > 0 && state.lease_left_s <= state.lease_warn_s, `${number(Math.ceil(state.lease_left_s ?? 0))} s`);
+  put($("heard"), heard ? `${heard.word || text(`command.${heard.command}`)} = ${text(`command.${heard.command}`)}, ${amount(Math.round(heard.confidence * 100), "%")}, ${text("ago", { s: number(Math.round(heard.age_ms / 1000)) })}` : text("heard.none"));
+  bar($("lease"), state.lease_left_s ?? 0, 0, state.lease_s ?? 8, (state.lease_left_s ?? 0) > 0 && state.lease_left_s <= state.lease_warn_s, amount(Math.ceil(state.lease_left_s ?? 0), "s"));
   const mic = state.microphone;
-  bar($("mic"), mic?.level_dbfs ?? -80, -80, 0, mic?.clipping ?? false, mic ? `${number(Math.round(mic.level_dbfs))} dB` : text("none"));
+  bar($("mic"), mic?.level_dbfs ?? -80, -80, 0, mic?.clipping ?? false, mic ? amount(Math.round(mic.level_dbfs), "dB") : text("none"));
   const motion = state.motion ?? { speed_mm_s: 0, turn_deg_s: 0 };
-  put($("speed"), `${number(motion.speed_mm_s)} mm/s, ${number(motion.turn_deg_s)} °/s`);
+  put($("speed"), `${amount(motion.speed_mm_s, "mm/s")}, ${amount(motion.turn_deg_s, "°/s")}`);
   const { battery, linked, armed, fault, stopped_by_user: stopped, charging } = state.drive ?? {};
-  put($("battery"), battery == null ? text("none") : `${number(Math.round(battery * 100))} %`);
+  put($("battery"), battery == null ? text("none") : amount(Math.round(battery * 100), "%"));
   const drives = [text(!linked ? "drive.lost" : armed ? "drive.armed" : "drive.idle")];
   if (stopped) drives.push(text("drive.stopped"));
   if (charging) drives.push(text("drive.charging"));
-  if (fault) drives.push(fault);
+  if (fault) drives.push(told(fault));
   put($("drive"), drives.join(", "));
 }
 
@@ -126,12 +127,12 @@ function health(sources) {
     row.cells[2].className = row.cells[3].className = "num";
     const mark = { well: "✓", ill: "!", silent: "✕" }[source.state];
     const state = `${mark} ${text(`health.${source.state}`)}`;
-    const words = [source.name, source.reason ? `${state}: ${source.reason}` : state, source.age_ms == null ? "–" : `${number(source.age_ms)} ms`, `${number(source.limit_ms)} ms`];
+    const words = [source.name, source.reason ? `${state}: ${told(source.reason)}` : state, source.age_ms == null ? "–" : amount(source.age_ms, "ms"), amount(source.limit_ms, "ms")];
     words.forEach((word, j) => put(row.cells[j], word));
   });
 }
 
 function stops(rows) {
-  const lines = [...rows].reverse().map((row) => [text("ago", { s: number(row.age_s) }), row.nearest_mm == null ? "" : `${number(row.nearest_mm)} mm`, row.reasons.map(reason).join("; ")].filter(Boolean).join(", "));
+  const lines = [...rows].reverse().map((row) => [text("ago", { s: number(row.age_s) }), row.nearest_mm == null ? "" : amount(row.nearest_mm, "mm"), row.reasons.map(reason).join("; ")].filter(Boolean).join(", "));
   list($("stops"), lines.length ? lines : [text("stops.none")]);
 }

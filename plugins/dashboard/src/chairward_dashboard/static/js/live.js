@@ -1,10 +1,10 @@
 // The live view: one picture, as large as the screen, for people who cannot turn their head. It only looks (and stops).
 
-import { distance, NOTHING, put } from "./drive.js";
+import { NOTHING, put } from "./drive.js";
 import { connect, stopButton, stopKeys } from "./link.js";
 import { dress, looks } from "./looks.js";
 import { NAMES } from "./panes.js";
-import { speak, text } from "./texts.js";
+import { amount, speak, text } from "./texts.js";
 
 const $ = (id) => document.getElementById(id);
 const asked = new URLSearchParams(location.search).get("pane");
@@ -40,7 +40,7 @@ const link = connect({
 function sign(state) {
   $("live-sign").className = state.colour;
   put($("instruction"), text(`instruction.${state.instruction}`));
-  put($("mm"), state.nearest_mm == null ? "" : `${distance(state)} mm`);
+  put($("mm"), state.nearest_mm == null ? "" : amount(state.nearest_mm, "mm"));
 }
 
 setInterval(() => {

@@ -27,6 +27,7 @@ const link = connect({
     draw();
     sounds(state);
     awake(you.controls);
+    keep(you);
   },
   onLost: () => {
     last = { state: NOTHING, you: {}, linked: false };
@@ -71,6 +72,14 @@ function sounds(state) {
   before = state;
 }
 
+// A page that controlled and stuttered asks for control again: the chair has been stopped by then, and must be armed anew.
+let mine = false;
+function keep(you) {
+  if (you.controls) mine = true;
+  else if (!you.free) mine = false;
+  else if (mine && !document.hidden) link.say({ t: "take" });
+}
+
 // The screen of the page that controls stays on, where the browser can (on a network only over https).
 let lock = null;
 async function awake(wanted) {
@@ -92,5 +101,8 @@ for (const id of ["arm", "reset", "help"]) {
   });
 }
 $("take").addEventListener("click", () => link.say({ t: "take" }));
-$("give").addEventListener("click", () => link.say({ t: "give" }));
+$("give").addEventListener("click", () => {
+  mine = false;
+  link.say({ t: "give" });
+});
 draw();

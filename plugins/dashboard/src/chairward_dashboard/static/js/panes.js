@@ -1,7 +1,7 @@
 // The four pictures. Newest only: a picture that is still being decoded is never waited for by the next.
 
 import { looks } from "./looks.js";
-import { text } from "./texts.js";
+import { amount, text } from "./texts.js";
 
 export const NAMES = ["left", "right", "obstacle", "disparity"];
 const OLD_MS = 1000;
@@ -59,7 +59,7 @@ export async function show(panes) {
   for (const pane of figures.values()) {
     const age = now - pane.at;
     pane.figure.classList.toggle("old", age > OLD_MS);
-    pane.age.textContent = age > OLD_MS ? text("pane.old") : `${Math.round(age)} ms`;
+    pane.age.textContent = age > OLD_MS ? text("pane.old") : amount(Math.round(age), "ms");
   }
 }
 

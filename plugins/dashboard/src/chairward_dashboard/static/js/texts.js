@@ -25,3 +25,21 @@ export function text(key, values = {}) {
 
 export const has = (key) => key in words;
 export const number = (value) => new Intl.NumberFormat(language).format(value);
+
+/** A number with its unit, kept together and in order inside words of any direction. */
+export const amount = (value, unit) => `\u2066${number(value)} ${unit}\u2069`;
+
+/** A sentence of the chair in the language of the page, as far as its parts are known: numbers stand for themselves. */
+export function told(sentence) {
+  const whole = known(sentence);
+  return whole ?? sentence.split(": ").map((part) => known(part) ?? part).join(": ");
+}
+
+function known(sentence) {
+  for (const part of [sentence, sentence.replace(/ \(.*\)$/, "")]) {
+    const found = words[`said.${part.replace(/\d+/g, "#")}`];
+    const numbers = part.match(/\d+/g) ?? [];
+    if (found) return found.replace(/#( m[ms])?/g, (unit) => `\u2066${unit.replace("#", numbers.shift())}\u2069`);
+  }
+  return null;
+}
