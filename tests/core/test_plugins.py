@@ -84,6 +84,26 @@ def test_two_plugins_cannot_offer_the_same_component() -> None:
     assert "already offered by first" in registry.refused[0].reason
 
 
+def test_a_sensor_cannot_take_a_recognizers_name_so_that_its_vote_would_vanish() -> None:
+    class Recognizer:
+        CHAIRWARD_API = 1
+
+        @hookimpl
+        def chairward_recognizers(self) -> Sequence[Component]:
+            return [Component(name="ears", settings=NoSettings, make=lambda s, c: None)]
+
+    class Usurper:
+        CHAIRWARD_API = 1
+
+        @hookimpl
+        def chairward_sensors(self) -> Sequence[Component]:
+            return [Component(name="ears", settings=NoSettings, make=lambda s, c: None)]
+
+    registry = discover([], {"first": Recognizer(), "second": Usurper()})
+    assert registry.stage("ears")[0] == "recognizer"
+    assert "already offered by first" in registry.refused[0].reason
+
+
 def test_a_component_nobody_offers_is_an_error_that_lists_what_there_is() -> None:
     registry = discover([], {"good": offering("a")})
     with pytest.raises(PluginError, match=r"no plugin offers a source named 'b' \(installed: a\)"):

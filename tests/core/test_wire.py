@@ -31,7 +31,17 @@ def test_a_closed_peer_reads_as_empty_bytes_and_cannot_be_sent_to() -> None:
     a.close()
     with b:
         assert wire.receive(b) == b""
-        assert not wire.send(b, b"x")
+        with pytest.raises(ConnectionError):
+            wire.send(b, b"x")
+
+
+def test_a_control_message_that_is_none_is_told_not_raised() -> None:
+    a, b = wire.pair()
+    with a, b:
+        a.send(b"\xff\x00 nonsense")
+        received = wire.receive_control(b)
+        assert received is not None
+        assert isinstance(received[0], wire.Note)
 
 
 def test_sending_to_a_reader_that_does_not_read_is_refused_not_waited_for() -> None:

@@ -17,7 +17,7 @@ import msgspec
 from chairward import plan, wire
 from chairward.components import Companion, Observer, Pose
 from chairward.options import BesideOptions
-from chairward.plugins import discover
+from chairward.plugins import discover_only
 from chairward.realtime import die_with_parent
 
 
@@ -48,13 +48,14 @@ def _observer(observer: Observer, records_fd: int) -> int:
 def main(argv: Sequence[str] | None = None) -> int:
     """The process of one companion or observer."""
     options = msgspec.json.decode((argv or sys.argv[1:])[0], type=BesideOptions)
-    die_with_parent()
+    if options.kind == "companion":
+        die_with_parent()  # an observer outlives a supervisor that crashed: the last second is what is wanted
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     the_plan = plan.read(Path(options.plan))
     run_dir = Path(options.run_dir)
     parts = the_plan.companions if options.kind == "companion" else the_plan.observers
     part = parts[options.name]
-    component = discover().get(options.kind, part.component)
+    component = discover_only([part.plugin]).get(options.kind, part.component)
     settings = component.settings.model_validate(plan.fill_run_dir(part.settings, run_dir))
     thing = component.make(settings, the_plan.context(options.name, Pose(), run_dir))
     return _companion(thing, options.pipe) if options.kind == "companion" else _observer(thing, options.pipe)

@@ -1,8 +1,8 @@
 """The border: every message of a lane is checked here before it becomes a fact.
 
-Types, ranges and finiteness are checked by the decoder; here: size, whether this lane has such a stage, whether the
-stage may send that, a rising sequence, a time that is not in the future. What fails is counted, named and treated
-as silence: it never refreshes anything.
+Types, ranges and finiteness are checked by the decoder; here: size, whether this lane has such a stage, whether that
+stage may wish or press, a rising sequence, a time that is neither in the future nor too long ago for a wish. What fails
+is named and treated as silence: it never refreshes anything.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ from typing import TypeVar
 
 import msgspec
 
-from chairward.facts import MS, Facts, Pressed, Wish
+from chairward.facts import MS, Facts, Limits, Pressed, Wish
 from chairward.messages import (
     Alive,
+    Button,
     Command,
     DriveStatus,
     Ended,
@@ -32,6 +33,8 @@ from chairward.plan import LanePlan
 from chairward.wire import MAX_MESSAGE_BYTES, decode_parcel
 
 FUTURE_LIMIT_NS = 5 * MS
+TOO_LATE_NS = 1_000 * MS
+"""A word or press older than this when it arrives (its process hung) is not obeyed; STOP and HELP always are."""
 WINDOW = 3
 """Readings kept of each sensor: the nearest of them is the whole debounce."""
 HEARD_LIMIT = 16
@@ -50,12 +53,13 @@ class Border:
     """Folds checked messages into the newest facts. One per guard; keeps no clock of its own."""
 
     lanes: Mapping[str, LanePlan]
-    refused_count: dict[str, int] = field(default_factory=dict)
+    limits: Limits
     newest_sent_ns: int = 0
     _ranges: dict[str, tuple[RangeReading, ...]] = field(default_factory=dict)
     _vetoes: dict[str, Veto] = field(default_factory=dict)
     _alive: dict[str, Alive] = field(default_factory=dict)
     _lost: dict[str, str] = field(default_factory=dict)
+    _awaited: dict[str, set[str]] = field(default_factory=dict)
     _last_seq: dict[str, int] = field(default_factory=dict)
     _heard: list[Wish] = field(default_factory=list)
     _pressed: list[Pressed] = field(default_factory=list)
@@ -69,24 +73,28 @@ class Border:
             if len(data) > MAX_MESSAGE_BYTES:
                 raise Refusal(f"a message of more than {MAX_MESSAGE_BYTES} bytes")
             parcel = _decode(data)
+            plan = self.lanes[lane]
+            if parcel.stage != plan.source.component and all(parcel.stage != s.component for s in plan.stages):
+                raise Refusal(f"lane '{lane}' has no stage '{parcel.stage}' in the chair file")
             source = f"{lane}/{parcel.stage}"
-            self._check(lane, source, parcel, now_ns)
+            self._check(plan, source, parcel.body, now_ns)
             self._fold(lane, source, parcel.body, now_ns)
             self.newest_sent_ns = max(self.newest_sent_ns, min(parcel.sent_ns, now_ns))
         except Refusal as refusal:
-            self.refused_count[source] = self.refused_count.get(source, 0) + 1
             self._refused[source] = str(refusal)
 
     def lane_lost(self, lane: str, reason: str) -> None:
-        """The lane's socket closed or its process died: everything of it counts as lost, by name."""
+        """The lane's device, line or process is gone: it counts as lost, by name, until all its votes speak again."""
         self._lost[lane] = reason
+        limits = self.limits
+        votes = {*limits.sensors, *limits.vetoers, *limits.recognizers, *limits.stop_devices}
+        self._awaited[lane] = {source for source in votes if source.startswith(f"{lane}/")}
 
     def lane_attached(self, lane: str) -> None:
-        """A new process serves the lane: its sequence starts anew; what the old one said stays until it is stale."""
-        self._lost.pop(lane, None)
+        """A new process serves the lane and counts from the beginning; it is lost until it has spoken itself."""
+        self.lane_lost(lane, "its new process has said nothing yet")
         for source in [s for s in self._last_seq if s.startswith(f"{lane}/")]:
             del self._last_seq[source]
-            self._lost.pop(source, None)
 
     def facts(self, now_ns: int, drive: DriveStatus, supervisor_ns: int, gap_ns: int) -> Facts:
         """The facts at now_ns; what was heard, pressed and refused is handed over once."""
@@ -106,11 +114,7 @@ class Border:
         self._heard, self._pressed, self._refused = [], [], {}
         return facts
 
-    def _check(self, lane: str, source: str, parcel: Parcel, now_ns: int) -> None:
-        plan = self.lanes[lane]
-        if parcel.stage != plan.source.component and all(parcel.stage != s.component for s in plan.stages):
-            raise Refusal(f"lane '{lane}' has no stage '{parcel.stage}' in the chair file")
-        report = parcel.body
+    def _check(self, plan: LanePlan, source: str, report: Report, now_ns: int) -> None:
         if report.captured_ns > now_ns + FUTURE_LIMIT_NS:
             raise Refusal(f"captured {(report.captured_ns - now_ns) / MS:.0f} ms in the future")
         if isinstance(report, Lost | Ended):
@@ -118,8 +122,16 @@ class Border:
         last = self._last_seq.get(source, -1)
         if report.seq <= last:
             raise Refusal(f"sequence {report.seq} after {last}: must rise")
+        if isinstance(report, Intent | Stick | Press) and not _always_counts(report):
+            age_ns = now_ns - report.captured_ns
+            if age_ns > TOO_LATE_NS:
+                raise Refusal(f"said {age_ns / MS:.0f} ms ago: too late to be obeyed")
+            if not isinstance(report, Press) and source not in self.limits.recognizers:
+                raise Refusal("may not ask for motion: it is not a recognizer of the chair file")
         if isinstance(report, Press) and report.button not in plan.may:
-            raise Refusal(f"may not press {report.button.upper()}: the chair file's lane.{lane}.may does not say so")
+            raise Refusal(
+                f"may not press {report.button.upper()}: lane.{plan.name}.may in the chair file leaves it out"
+            )
         self._last_seq[source] = report.seq
 
     def _fold(self, lane: str, source: str, report: Report, now_ns: int) -> None:
@@ -132,29 +144,34 @@ class Border:
             case Alive():
                 self._alive[source] = _not_later_than(report, now_ns)
             case Intent():
-                self._wish(source, now_ns, report.command, report.word, report.confidence, report.held, None)
+                at_ns = min(report.captured_ns, now_ns) if report.held else now_ns
+                self._wish(source, at_ns, report.command, report.word, report.confidence, report.held)
             case Stick():
-                self._wish(source, now_ns, Command.FRONT, "", 1.0, True, (report.forward, report.left))
+                stick = (report.forward, report.left)
+                self._wish(source, min(report.captured_ns, now_ns), _stick_command(report), held=True, stick=stick)
             case Press():
-                if len(self._pressed) < HEARD_LIMIT or report.button == "stop":
+                if len(self._pressed) < HEARD_LIMIT or report.button is Button.STOP:
                     self._pressed.append(Pressed(source=source, button=report.button, at_ns=now_ns))
             case Lost():
-                self._lost[lane] = report.reason
+                self.lane_lost(lane, report.reason)
                 return
             case Ended():
-                self._lost[lane] = "its input has ended"
+                self.lane_lost(lane, "its input has ended")
                 return
-        self._lost.pop(lane, None)
+        if lane in self._lost:
+            self._awaited[lane].discard(source)
+            if not self._awaited[lane]:
+                del self._lost[lane], self._awaited[lane]
 
     def _wish(
         self,
         source: str,
-        now_ns: int,
+        at_ns: int,
         command: Command,
-        word: str,
-        confidence: float,
-        held: bool,
-        stick: tuple[float, float] | None,
+        word: str = "",
+        confidence: float = 1.0,
+        held: bool = False,
+        stick: tuple[float, float] | None = None,
     ) -> None:
         if len(self._heard) >= HEARD_LIMIT and command is not Command.STOP:
             return
@@ -163,7 +180,7 @@ class Border:
             Wish(
                 source=source,
                 seq=self._wishes,
-                at_ns=now_ns,
+                at_ns=at_ns,
                 command=command,
                 word=word,
                 confidence=confidence,
@@ -171,6 +188,21 @@ class Border:
                 stick=stick,
             )
         )
+
+
+def _stick_command(stick: Stick) -> Command:
+    """The command that a stick's position amounts to; forward and back before the sides."""
+    if stick.forward:
+        return Command.FRONT if stick.forward > 0.0 else Command.BACK
+    return Command.LEFT if stick.left >= 0.0 else Command.RIGHT
+
+
+def _always_counts(report: Report) -> bool:
+    match report:
+        case Intent(command=Command.STOP | Command.HELP) | Press(button=Button.STOP):
+            return True
+        case _:
+            return False
 
 
 def _decode(data: bytes) -> Parcel:

@@ -9,14 +9,14 @@ stops the chair.
 from __future__ import annotations
 
 import gc
-import hashlib
 import os
 import selectors
 import signal
 import socket
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from enum import Enum
 from pathlib import Path
 
 import msgspec
@@ -28,13 +28,19 @@ from chairward.facts import Decision, Facts, Limits, S, State
 from chairward.messages import DriveStatus
 from chairward.options import GuardOptions
 from chairward.plan import Plan
-from chairward.plugins import discover
+from chairward.plugins import discover_only
 from chairward.realtime import claim, suspended_ns
 
 MESSAGES_A_TICK = 8
 LEAVE_WITHIN_NS = 2 * S
-CONTROL = "control"
-WHEELS = "drive"
+COLLECT_EVERY_TICKS = 256
+
+
+class Line(Enum):
+    """What a readable descriptor is, beside the lanes (which are known by name)."""
+
+    CONTROL = 1
+    DRIVE = 2
 
 
 class Guard:
@@ -49,9 +55,8 @@ class Guard:
         observers: Sequence[socket.socket],
     ) -> None:
         self.limits: Limits = the_plan.limits
-        self.limits_id = hashlib.sha256(msgspec.json.encode(self.limits)).hexdigest()[:16]
         self.drive = drive
-        self.border = Border({lane.name: lane for lane in the_plan.lanes})
+        self.border = Border({lane.name: lane for lane in the_plan.lanes}, the_plan.limits)
         self.lanes = dict(lanes)
         self.control = control
         self.observers = dict.fromkeys(observers, 0)
@@ -60,6 +65,7 @@ class Guard:
         self.drive_fault = ""
         self.supervisor_ns = 0
         self.tick = 0
+        self.periods = 0
         self.leaving_since_ns = 0
         self.commanded = STILL
         self.hard = False
@@ -67,10 +73,11 @@ class Guard:
         self.budget: dict[str, int] = {}
         self.muted: dict[str, socket.socket] = {}
         self.drive_fd = -1
+        self.drive_wakes = 0
 
     def run(self) -> int:
         """Tick until told to quit or left alone. Always ends with a stop on the wire."""
-        self.selector.register(self.control, selectors.EVENT_READ, CONTROL)
+        self.selector.register(self.control, selectors.EVENT_READ, Line.CONTROL)
         for name, end in self.lanes.items():
             self.selector.register(end, selectors.EVENT_READ, name)
         now = time.monotonic_ns()
@@ -81,11 +88,11 @@ class Guard:
                 arrived = self._wait(max(0, due - time.monotonic_ns()) / S)
                 now = time.monotonic_ns()
                 slept = suspended_ns()
-                gap = max(now - max(last + self.drive.period_ns, 0), slept - asleep, 0)
+                gap = max(now - last - self.drive.period_ns, slept - asleep)
                 gap = gap if gap > self.limits.gap_limit_ns else 0
                 last, asleep = now, slept
                 periodic = now >= due
-                if periodic or arrived:
+                if periodic or arrived or gap:
                     self._act(now, due if periodic else now, gap, periodic=periodic)
                 if periodic:
                     due += self.drive.period_ns * (1 + (now - due) // self.drive.period_ns)
@@ -98,14 +105,21 @@ class Guard:
         """Sleep until the next tick or a message; drain what came. True when a fact may have changed."""
         arrived = False
         for key, _ in self.selector.select(timeout_s):
-            name = str(key.data)
-            if name == CONTROL:
+            if key.data is Line.CONTROL:
                 self._drain_control()
-            elif name == WHEELS:
-                arrived = True  # the drive reads its own answers in poll()
-            elif name in self.lanes:  # the control line may just have closed it
-                arrived |= self._drain_lane(name)
+            elif key.data is Line.DRIVE:
+                arrived |= self._drive_woke()
+            elif key.data in self.lanes:  # the control line may just have closed it
+                arrived |= self._drain_lane(key.data)
         return arrived
+
+    def _drive_woke(self) -> bool:
+        """The drive reads its own answers in poll(); one that never stops talking is not listened to until the tick."""
+        self.drive_wakes += 1
+        if self.drive_wakes > MESSAGES_A_TICK:
+            self.selector.unregister(self.drive_fd)
+            self.drive_fd = -1
+        return True
 
     def _drain_lane(self, name: str) -> bool:
         end = self.lanes[name]
@@ -145,15 +159,17 @@ class Guard:
                     case wire.Died(lane, reason):
                         self._close_lane(lane, reason)
                         self.border.lane_lost(lane, reason)
-                    case wire.Attach(lane):
+                    case wire.Attach(lane) if fds and lane in self.border.lanes:
                         self._close_lane(lane, "replaced")
-                        self.lanes[lane] = wire.adopt(fds[0])
+                        self.lanes[lane] = wire.adopt(fds.pop())
                         self.selector.register(self.lanes[lane], selectors.EVENT_READ, lane)
                         self.border.lane_attached(lane)
-                    case wire.Observe():
-                        self.observers[wire.adopt(fds[0])] = 0
+                    case wire.Observe() if fds:
+                        self.observers[wire.adopt(fds.pop())] = 0
                     case wire.Quit():
                         self.leave()
+                for fd in fds:  # nobody asked for these
+                    os.close(fd)
         except EOFError:
             self.selector.unregister(self.control)
             self.leave()
@@ -172,10 +188,12 @@ class Guard:
 
     def _new_tick(self) -> None:
         self.budget.clear()
+        self.drive_wakes = 0
+        self.periods += 1
         for name, end in self.muted.items():
             self.selector.register(end, selectors.EVENT_READ, name)
         self.muted.clear()
-        if self.tick % 256 == 0 and self.commanded == STILL:
+        if self.periods % COLLECT_EVERY_TICKS == 0 and self.commanded == STILL:
             gc.collect(1)
 
     def _act(self, now: int, due: int, gap_ns: int, *, periodic: bool) -> None:
@@ -192,40 +210,51 @@ class Guard:
         self.tick += 1
 
     def _poll_drive(self, now: int, *, periodic: bool) -> None:
+        """The drive's status; whatever it raises or says that cannot be is a fault, and a fault latches."""
         fault, self.drive_fault = self.drive_fault, ""
         try:
-            self.status = self.drive.poll(now)
+            said = self.drive.poll(now)
+            self.status = msgspec.convert(msgspec.to_builtins(said), DriveStatus)
             if not self.status.linked and periodic:
                 self.drive.connect(now)
-        except DriveError as error:
-            fault = str(error)
+        except Exception as error:  # noqa: BLE001 - the guard outlives any drive: it stops, latches and connects again
+            fault = _told(error)
             self.status = msgspec.structs.replace(self.status, linked=False, armed=False)
         if fault:
             self.status = msgspec.structs.replace(self.status, fault=fault[:200])
-        fd = self.drive.fileno()
-        if fd != self.drive_fd:
-            if self.drive_fd >= 0:
-                self.selector.unregister(self.drive_fd)
-            if fd >= 0:
-                self.selector.register(fd, selectors.EVENT_READ, WHEELS)
-            self.drive_fd = fd
+        self._follow_drive()
+
+    def _follow_drive(self) -> None:
+        """Listen where the drive listens now: it may have closed or opened its port in any call."""
+        fd = self.drive.fileno() if self.drive_wakes <= MESSAGES_A_TICK else -1
+        if fd == self.drive_fd:
+            return
+        if self.drive_fd >= 0:
+            self.selector.unregister(self.drive_fd)
+        if fd >= 0:
+            self.selector.register(fd, selectors.EVENT_READ, Line.DRIVE)
+        self.drive_fd = fd
 
     def _command(self, now: int, decision: Decision, *, periodic: bool) -> None:
         """Tell the drive: every tick, and at once when the motion falls; a rise waits for the tick."""
-        fallen = _falls(self.commanded, decision.motion)
-        newly_hard = decision.hard_stop and not self.hard
-        if not (periodic or newly_hard or fallen or decision.arm or decision.disarm):
-            return
-        try:
+        motion, hard = decision.motion, decision.hard_stop
+        if time.monotonic_ns() - now > self.limits.gap_limit_ns:
+            motion, hard = STILL, True  # stopped between deciding and writing; the next decision latches the gap
+        if periodic or (hard and not self.hard) or _falls(self.commanded, motion) or decision.arm or decision.disarm:
+            self._tell(lambda: self.drive.command(now, motion, hard_stop=hard))
             if decision.disarm:
-                self.drive.disarm(now)
+                self._tell(lambda: self.drive.disarm(now))
             elif decision.arm:
-                self.drive.arm(now)
-            if self.status.linked:
-                self.drive.command(now, decision.motion, hard_stop=decision.hard_stop)
-        except DriveError as error:
-            self.drive_fault = str(error)
-        self.commanded, self.hard = decision.motion, decision.hard_stop
+                self._tell(lambda: self.drive.arm(now))
+            self.commanded, self.hard = motion, hard
+            self._follow_drive()
+
+    def _tell(self, act: Callable[[], None]) -> None:
+        """One call of the drive; that it fails must not keep the next from being made."""
+        try:
+            act()
+        except Exception as error:  # noqa: BLE001 - see _poll_drive
+            self.drive_fault = self.drive_fault or _told(error)
 
     def _publish(
         self, now: int, due: int, before: State, facts: Facts, after: State, decision: Decision, *, periodic: bool
@@ -237,7 +266,6 @@ class Guard:
             woke_ns=now,
             wrote_ns=time.monotonic_ns(),
             periodic=periodic,
-            limits_id=self.limits_id,
             before=before,
             facts=facts,
             after=after,
@@ -252,9 +280,16 @@ class Guard:
                 self.observers[end] = 0
             except BlockingIOError:
                 self.observers[end] = missed + 1
-            except OSError:
+            except ConnectionError:
                 del self.observers[end]
                 end.close()
+            except OSError:  # too large for it, or no memory for it now
+                self.observers[end] = missed + 1
+
+
+def _told(error: Exception) -> str:
+    """What a drive raised, as a sentence."""
+    return str(error) if isinstance(error, DriveError) else f"the drive failed: {type(error).__name__}: {error}"
 
 
 def _falls(old: Motion, new: Motion) -> bool:
@@ -262,12 +297,12 @@ def _falls(old: Motion, new: Motion) -> bool:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """The guard's process: plan file, run folder, control fd, name=fd of each lane, fds of the observers."""
+    """The guard's process; it imports only the plugin of its drive."""
     options = msgspec.json.decode((argv or sys.argv[1:])[0], type=GuardOptions)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     the_plan = plan.read(Path(options.plan))
     control = wire.adopt(options.control)
-    component = discover().get("drive", the_plan.drive.component)
+    component = discover_only([the_plan.drive.plugin]).get("drive", the_plan.drive.component)
     run_dir = Path(options.run_dir)
     settings = component.settings.model_validate(plan.fill_run_dir(the_plan.drive.settings, run_dir))
     lane = the_plan.lanes[0]

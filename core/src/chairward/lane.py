@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -23,7 +24,7 @@ from chairward.frames import FrameWriter
 from chairward.messages import Ended, Lost, Message, Parcel
 from chairward.options import LaneOptions
 from chairward.plan import LanePlan, Part
-from chairward.plugins import Registry, discover
+from chairward.plugins import Registry, discover_only
 from chairward.realtime import die_with_parent
 
 READ_TIMEOUT_S = 0.1
@@ -52,6 +53,7 @@ class Lane:
         self.items = 0
         self.dropped = 0
         self.stopping = False
+        self.wake = threading.Event()
         self.lost = False
         self.last_beat = 0.0
 
@@ -110,8 +112,10 @@ class Lane:
         """Send facts to the guard without waiting; what has no room is dropped and counted (and so goes stale)."""
         for message in messages:
             data = wire.encode_parcel(Parcel(stage=stage, body=message, sent_ns=time.monotonic_ns()))
-            if not wire.send(self.guard, data):
-                self.dropped += 1
+            try:
+                self.dropped += not wire.send(self.guard, data)
+            except ConnectionError:
+                self.stopping = True  # the guard has closed this line: end, and be started again
 
     def beat(self, *, ended: bool = False) -> None:
         """Ten times a second: tell the supervisor that this lane is working."""
@@ -126,7 +130,7 @@ class Lane:
         while not self.stopping and time.monotonic() < end:
             self.beat()
             self.send_lost(reason)
-            signal.sigtimedwait([], min(0.1, max(0.0, end - time.monotonic())))
+            self.wake.wait(min(0.1, max(0.0, end - time.monotonic())))
 
     def close(self) -> None:
         """Give devices back."""
@@ -146,13 +150,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        lane = Lane(options, plan.read(Path(options.plan)), discover())
+        the_plan = plan.read(Path(options.plan))
+        mine = next(lane for lane in the_plan.lanes if lane.name == options.lane)
+        lane = Lane(options, the_plan, discover_only([mine.source.plugin, *(stage.plugin for stage in mine.stages)]))
     except (DeviceLost, ValueError, OSError, ImportError) as error:
-        wire.send_control(wire.adopt(options.control), wire.Note(f"lane '{options.lane}' cannot start: {error}"[:2000]))
+        wire.send_control(wire.adopt(options.control), wire.Note(f"lane '{options.lane}' cannot start: {error}"[:900]))
         return 2
 
     def stop(*_: object) -> None:
         lane.stopping = True
+        lane.wake.set()
 
     signal.signal(signal.SIGTERM, stop)
     return lane.run()

@@ -27,10 +27,11 @@ class ChairKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Part:
-    """One component with its checked settings (as JSON values)."""
+    """One component with its checked settings (as JSON values); plugin: the entry point that offers it."""
 
     component: str
     settings: Mapping[str, Any] = field(default_factory=dict)
+    plugin: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,7 +8,7 @@ a component that it names and nobody offers is an error with the reason.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
@@ -85,6 +85,12 @@ def discover(points: Iterable[EntryPoint] | None = None, extra: Mapping[str, Any
     return registry
 
 
+def discover_only(plugins: Iterable[str]) -> Registry:
+    """Load just these plugins (entry point names): a process of a run imports nobody else's code."""
+    wanted = set(plugins)
+    return discover([point for point in entry_points(group=hookspecs.ENTRY_POINT_GROUP) if point.name in wanted])
+
+
 def _register(registry: Registry, name: str, plugin: Any) -> None:
     """Check the API version and the hooks' names, then collect; refuse by name on any failure."""
     version = getattr(plugin, "CHAIRWARD_API", None)
@@ -103,7 +109,7 @@ def _register(registry: Registry, name: str, plugin: Any) -> None:
         return
     for kind, components in offered.items():
         for component in components:
-            registry.components[kind][component.name] = component
+            registry.components[kind][component.name] = replace(component, plugin=name)
             registry.origin[f"{kind} {component.name}"] = name
 
 
@@ -113,11 +119,17 @@ def _offered(registry: Registry, plugin: Any, kind: str) -> Sequence[Component]:
         f"chairward_{kind}s", [p for p in registry.manager.get_plugins() if p is not plugin]
     )
     components = [component for group in hook() for component in group]
+    taken = {other: k for k in _same_names(kind) for other in registry.components[k]}
     for component in components:
         if not isinstance(component, Component):
             raise TypeError(f"chairward_{kind}s gave {type(component).__name__}, not chairward.components.Component")
-        if component.name in registry.components[kind]:
-            raise ValueError(
-                f"{kind} '{component.name}' is already offered by {registry.origin[f'{kind} {component.name}']}"
-            )
+        if other := taken.get(component.name):
+            origin = registry.origin.get(f"{other} {component.name}", "itself")
+            raise ValueError(f"{kind} '{component.name}' is already offered by {origin}")
+        taken[component.name] = kind
     return components
+
+
+def _same_names(kind: str) -> Sequence[str]:
+    """Kinds that share their names: a lane's stage must not turn from a recognizer into a sensor, say."""
+    return ("sensor", "recognizer") if kind in ("sensor", "recognizer") else (kind,)

@@ -22,7 +22,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
     woke_ns: int
     wrote_ns: int
     periodic: bool
-    limits_id: str
+    limits_id: str = ""
     before: State
     facts: Facts
     after: State

@@ -6,6 +6,7 @@ and started again with back-off, in a process group of its own. When the guard e
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import select
@@ -30,6 +31,10 @@ HEARTBEAT_S = 0.025
 COMPANION_READY_S = 120.0
 LANE_START_S = 90.0
 LANE_HANG_S = 5.0
+GUARD_START_S = 30.0
+GUARD_HANG_S = 2.0
+BEATS_AT_ONCE = 64
+COMPANIONS_OUTLIVE_S = 0.5
 GUARD_LEAVES_S = 5.0
 BACK_OFF_S = (0.2, 0.5, 1.0, 2.0, 5.0)
 FORGIVEN_S = 10.0
@@ -78,6 +83,8 @@ class Supervisor:
     _control: socket.socket | None = None
     _records: socket.socket | None = None
     _stop: bool = False
+    _record_s: float = 0.0
+    _told: set[str] = field(default_factory=set)
 
     def run(self, for_s: float | None = None) -> int:
         """Start everything, supervise, end everything. Returns the guard's exit code. Raises RunError."""
@@ -85,8 +92,9 @@ class Supervisor:
         plan.write(self.plan, plan_file)
         try:
             self._start_companions()
-            self._start_guard_and_lanes()
-            self._watch(for_s)
+            if not self._stop:
+                self._start_guard_and_lanes()
+                self._watch(for_s)
         finally:
             code = self._end()
         return code
@@ -120,19 +128,21 @@ class Supervisor:
             os.close(theirs)
             waiting[ours] = name
         end = time.monotonic() + COMPANION_READY_S
-        while waiting and not self._stop:
-            readable, _, _ = select.select(list(waiting), [], [], 0.1)
-            for fd in readable:
-                name = waiting.pop(fd)
-                said = os.read(fd, 16)
+        try:
+            while waiting and not self._stop:
+                readable, _, _ = select.select(list(waiting), [], [], 0.1)
+                for fd in readable:
+                    name = waiting.pop(fd)
+                    said = os.read(fd, 16)
+                    os.close(fd)
+                    if not said:
+                        raise RunError(f"companion '{name}' could not start: {self._last_words(name)}")
+                if time.monotonic() > end:
+                    names = ", ".join(waiting.values())
+                    raise RunError(f"companion '{names}' was not ready within {COMPANION_READY_S:.0f} s")
+        finally:
+            for fd in waiting:
                 os.close(fd)
-                if not said:
-                    self.companions[name].wait()
-                    raise RunError(f"companion '{name}' could not start: {self._last_words(name)}")
-            if time.monotonic() > end:
-                raise RunError(
-                    f"companion '{', '.join(waiting.values())}' was not ready within {COMPANION_READY_S:.0f} s"
-                )
 
     def _start_guard_and_lanes(self) -> None:
         self.rings = {lane.name: frames.create() for lane in self.plan.lanes}
@@ -208,15 +218,16 @@ class Supervisor:
         """Until told to stop; the time asked for runs from the moment when every lane has worked once."""
         end_s = None
         assert self._control is not None
-        assert self._records is not None
         assert self._guard is not None
         heartbeat_s = 0.0
+        self._record_s = time.monotonic() + GUARD_START_S
         while not self._stop:
             now = time.monotonic()
             if now - heartbeat_s >= HEARTBEAT_S:
                 heartbeat_s = now
                 wire.send_control(self._control, wire.Heartbeat())
-            ends = [self._control, self._records, *(x.control for x in self.lanes.values() if x.process.poll() is None)]
+            lines = [x.control for x in self.lanes.values() if x.process.poll() is None]
+            ends = [end for end in (self._control, self._records, *lines) if end is not None]
             readable, _, _ = select.select(ends, [], [], HEARTBEAT_S)
             if self._records in readable:
                 self._read_records()
@@ -227,6 +238,12 @@ class Supervisor:
             for name, process in self.companions.items():
                 if process.poll() is not None:
                     self.stop(f"companion '{name}' ended: {self._last_words(name)}")
+            for name, process in self.observers.items():
+                if process.poll() is not None and name not in self._told:
+                    self._told.add(name)
+                    self._note(f"observer '{name}' {_how(process.returncode)}: {self._last_words(name)}")
+            if now - self._record_s > GUARD_HANG_S:
+                self.stop(f"the guard has said nothing for {GUARD_HANG_S:.0f} s")
             if self._guard.poll() is not None:
                 self.stop(f"the guard ended: {self._last_words('guard')}")
             if end_s is None and for_s is not None and all(x.items or x.deaths or x.lost for x in self.lanes.values()):
@@ -235,12 +252,23 @@ class Supervisor:
                 self.stop("the time asked for is over")
 
     def _read_records(self, limit: int = 64) -> None:
-        assert self._records is not None
         for _ in range(limit):
-            data = wire.receive(self._records, wire.RECORD_BYTES)
-            if not data:
+            data = None if self._records is None else wire.receive(self._records, wire.RECORD_BYTES)
+            if data is None:
                 return
-            self.on_record(records.decode(data))
+            if not data:
+                assert self._records is not None
+                self._records.close()
+                self._records = None
+                self.stop("the guard's records have ended")
+                return
+            self._record_s = max(self._record_s, time.monotonic())
+            try:
+                record = records.decode(data)
+            except (msgspec.DecodeError, UnicodeDecodeError) as error:
+                self._note(f"a record that cannot be read: {error}")
+                continue
+            self.on_record(record)
 
     def _read_guard(self) -> None:
         assert self._control is not None
@@ -248,16 +276,21 @@ class Supervisor:
             received = wire.receive_control(self._control)
         except EOFError:
             return
-        if received is not None and isinstance(received[0], wire.GuardIsUp):
-            self.up = received[0]
-            for sentence in self.up.why:
-                self._note(f"guard: {sentence}")
+        if received is None:
+            return
+        match received[0]:
+            case wire.GuardIsUp() as up:
+                self.up = up
+                for sentence in up.why:
+                    self._note(f"guard: {sentence}")
+            case wire.Note(text):
+                self._note(f"guard: {text}")
 
     def _watch_lane(self, lane: LaneProcess, now: float) -> None:
         """Take its beats; when it is dead or hangs: name it, end it, start it again after a pause."""
         self._read_beats(lane, now)
         if lane.restart_at_s:
-            if now >= lane.restart_at_s:
+            if now >= lane.restart_at_s and lane.process.poll() is not None:
                 self._restart(lane)
             return
         if lane.ended:
@@ -274,9 +307,7 @@ class Supervisor:
             reason = f"its process was not ready within {LANE_START_S:.0f} s"
         if not reason:
             return
-        if code is None:
-            os.killpg(lane.process.pid, signal.SIGKILL)
-            lane.process.wait()
+        _kill_group(lane.process)  # with what it may have started; reaped by a later poll, never waited for
         if now - lane.started_s > FORGIVEN_S:
             lane.deaths_in_a_row = 0
         pause_s = BACK_OFF_S[min(lane.deaths_in_a_row, len(BACK_OFF_S) - 1)]
@@ -288,13 +319,15 @@ class Supervisor:
         wire.send_control(self._control, wire.Died(lane.plan.name, reason[:500]))
 
     def _read_beats(self, lane: LaneProcess, now: float) -> None:
-        while True:
+        for _ in range(BEATS_AT_ONCE):
             try:
                 received = wire.receive_control(lane.control)
             except (EOFError, OSError):
                 return
             if received is None:
                 return
+            for fd in received[1]:  # a lane has none to give
+                os.close(fd)
             match received[0]:
                 case wire.Beat(items, dropped, ended, lost):
                     lane.beat_s, lane.items, lane.dropped, lane.lost = now, items, dropped, lost
@@ -303,13 +336,14 @@ class Supervisor:
                         self._note(f"lane '{lane.plan.name}': its input has ended")
                         if lane.plan.ends_run:
                             self.stop(f"the input of lane '{lane.plan.name}' has ended")
-                case wire.Note(text):
+                case wire.Note(text) if text not in self.events:
                     self._note(text)
 
     def _restart(self, lane: LaneProcess) -> None:
         assert self._control is not None
         guard_end, records_end = self._start_lane(lane.plan)
-        wire.send_control(self._control, wire.Attach(lane.plan.name), [guard_end.fileno()])
+        if not wire.send_control(self._control, wire.Attach(lane.plan.name), [guard_end.fileno()]):
+            _kill_group(lane.process)  # the guard does not know it: try again
         guard_end.close()
         if records_end is not None:
             wire.send_control(self._control, wire.Observe(), [records_end.fileno()])
@@ -322,11 +356,11 @@ class Supervisor:
     def _last_words(self, name: str) -> str:
         """The last line a process wrote: usually the error that ended it."""
         path = self.run_dir / f"{name}.log"
-        lines = (
-            [line.strip() for line in path.read_text(errors="replace").splitlines() if line.strip()]
-            if path.exists()
-            else []
-        )
+        if not path.exists():
+            return "it said nothing"
+        with path.open("rb") as log_file:
+            log_file.seek(max(0, path.stat().st_size - 4096))
+            lines = [line.strip() for line in log_file.read().decode(errors="replace").splitlines() if line.strip()]
         return lines[-1][:300] if lines else "it said nothing"
 
     # ---- ending ---------------------------------------------------------------------------------------------------
@@ -337,6 +371,8 @@ class Supervisor:
         for lane in self.lanes.values():
             _terminate(lane.process)
         _wait_all({f"lane '{n}'": x.process for n, x in self.lanes.items()}, 2.0, self._note)
+        if self.companions:
+            time.sleep(COMPANIONS_OUTLIVE_S)  # a simulated controller must see the silence, as a real one would
         for process in self.companions.values():
             _terminate(process)
         _wait_all({f"companion '{n}'": p for n, p in self.companions.items()}, 5.0, self._note)
@@ -357,13 +393,16 @@ class Supervisor:
         end_s = time.monotonic() + GUARD_LEAVES_S
         while self._guard.poll() is None and time.monotonic() < end_s:
             wire.send_control(self._control, wire.Heartbeat())
-            select.select([self._records] if self._records else [], [], [], HEARTBEAT_S)
+            select.select([self._records] if self._records is not None else [], [], [], HEARTBEAT_S)
             self._read_records()
         if self._guard.poll() is None:
             self._note(f"the guard did not leave within {GUARD_LEAVES_S:.0f} s and was killed")
             self._guard.kill()
         self._read_records(limit=100_000)
-        return self._guard.wait()
+        try:
+            return self._guard.wait(2.0)
+        except subprocess.TimeoutExpired:
+            return 1
 
 
 def _terminate(process: subprocess.Popen[bytes]) -> None:
@@ -372,15 +411,25 @@ def _terminate(process: subprocess.Popen[bytes]) -> None:
         os.kill(process.pid, signal.SIGCONT)  # a stopped process could not leave
 
 
+def _kill_group(process: subprocess.Popen[bytes]) -> None:
+    """The process and all that it has started."""
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+
+
 def _wait_all(processes: Mapping[str, subprocess.Popen[bytes]], seconds: float, note: Callable[[str], None]) -> None:
+    """Wait so long for all together; then end what is left of each, children included."""
     end = time.monotonic() + seconds
     for name, process in processes.items():
         try:
             process.wait(max(0.01, end - time.monotonic()))
         except subprocess.TimeoutExpired:
             note(f"{name} did not leave in time and was killed")
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
+        _kill_group(process)
+        try:
+            process.wait(1.0)
+        except subprocess.TimeoutExpired:
+            note(f"{name} cannot be ended: it waits for a device")
 
 
 def _how(code: int) -> str:

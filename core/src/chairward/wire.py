@@ -108,21 +108,18 @@ def decode_parcel(data: bytes) -> Parcel:
 
 
 def send(end: socket.socket, data: bytes) -> bool:
-    """Send without waiting; False when there is no room now or the peer has gone."""
+    """Send without waiting; False when there is no room now. Raises ConnectionError when the peer has gone."""
     try:
         end.send(data)
-    except (BlockingIOError, ConnectionError):
+    except BlockingIOError:
         return False
     return True
 
 
 def send_control(end: socket.socket, message: Control, fds: Sequence[int] = ()) -> bool:
     """Send a control message, with descriptors if any; False when it could not be sent."""
-    data = _parcel_encoder.encode(message)
-    if not fds:
-        return send(end, data)
     try:
-        socket.send_fds(end, [data], list(fds))
+        socket.send_fds(end, [_parcel_encoder.encode(message)], list(fds))
     except (BlockingIOError, ConnectionError):
         return False
     return True
@@ -139,7 +136,10 @@ def receive(end: socket.socket, limit: int = MAX_MESSAGE_BYTES + 1) -> bytes | N
 
 
 def receive_control(end: socket.socket) -> tuple[Control, list[int]] | None:
-    """The next control message with its descriptors; None when there is none now; EOFError when the peer has closed."""
+    """The next control message with its descriptors (the caller's to close); None when there is none now.
+
+    What cannot be decoded comes as a Note that says so. Raises EOFError when the peer has closed.
+    """
     try:
         data, fds, _, _ = socket.recv_fds(end, MAX_MESSAGE_BYTES, 4)
     except BlockingIOError:
@@ -148,4 +148,7 @@ def receive_control(end: socket.socket) -> tuple[Control, list[int]] | None:
         raise EOFError("the peer has closed its end") from error
     if not data:
         raise EOFError("the peer has closed its end")
-    return _control_decoder.decode(data), list(fds)
+    try:
+        return _control_decoder.decode(data), list(fds)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        return Note(f"a control message that is none: {error}"[:300]), list(fds)

@@ -114,7 +114,7 @@ def drive(
         raise typer.Exit(2) from None
     if record is not None:
         record.parent.mkdir(parents=True, exist_ok=True)
-        recorder = Part(component="recorder", settings={"path": str(record.resolve())})
+        recorder = Part(component="recorder", settings={"path": str(record.resolve())}, plugin="core")
         plan = replace(plan, observers={**plan.observers, "recorder": recorder})
     run_dir = Path(tempfile.mkdtemp(prefix="chairward-"))
     try:

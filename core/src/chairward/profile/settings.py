@@ -62,7 +62,14 @@ Choices = Mapping[str, Mapping[str, Choice]]
 
 def parts(slots: Sequence[Slot], choices: Choices, chair_label: str) -> list[Part]:
     """One checked Part for each slot, in order. Raises ProfileError."""
-    return [Part(component=slot.component.name, settings=_checked(slot, slots, choices, chair_label)) for slot in slots]
+    return [
+        Part(
+            component=slot.component.name,
+            settings=_checked(slot, slots, choices, chair_label),
+            plugin=slot.component.plugin,
+        )
+        for slot in slots
+    ]
 
 
 def _checked(slot: Slot, slots: Sequence[Slot], choices: Choices, chair_label: str) -> dict[str, Any]:
