@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import pytest
+import typer
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.exceptions import McapError
+from mcap.writer import Writer
+from typer.testing import CliRunner
 
 from chairward import plan, records
 from chairward.arbiter import decide
-from chairward.components import Context, Footprint
+from chairward.cli.replay import replay as replay_command
+from chairward.components import Context, Footprint, Motion
 from chairward.facts import MS, Facts, Limits, State, Wish
 from chairward.messages import Command, DriveStatus, RangeReading
 from chairward.plan import ChairKind, LanePlan, Part, Plan
-from chairward.recording import Recorder, RecorderSettings, read
+from chairward.recording import PLAN_TOPIC, RECORDS_TOPIC, Recorder, RecorderSettings, messages, read
 from chairward.records import Record
-from chairward.replay import differences, read_plan
+from chairward.replay import Replayed, read_plan, replay
 
 LIMITS = Limits(steer_deg_s=5.0)
 
@@ -63,7 +69,6 @@ def some_records(count: int) -> list[Record]:
                 woke_ns=now,
                 wrote_ns=now,
                 periodic=True,
-                limits_id="x",
                 before=state,
                 facts=facts,
                 after=after,
@@ -74,17 +79,33 @@ def some_records(count: int) -> list[Record]:
     return made
 
 
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("recording")
+def kept(folder: Path, made: list[Record]) -> Path:
+    """These records as the recorder keeps them."""
     plan.write(a_plan(), folder / "plan.json")
     recorder = Recorder(
         RecorderSettings(path=Path("r.mcap")), Context(lane="recorder", run_dir=folder, chair_dir=folder)
     )
-    for record in some_records(400):
+    for record in made:
         recorder.observe(records.encode(record))
     recorder.close()
     return folder / "r.mcap"
+
+
+def written(folder: Path, said: list[tuple[str, bytes]]) -> Path:
+    """A whole file with any messages."""
+    path = folder / "forged.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        for topic, data in said:
+            writer.add_message(writer.register_channel(topic, "", 0), 0, data, 0)
+        writer.finish()  # type: ignore[no-untyped-call]
+    return path
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return kept(tmp_path_factory.mktemp("recording"), some_records(400))
 
 
 def test_every_record_comes_back_as_it_was(recording: Path) -> None:
@@ -94,13 +115,95 @@ def test_every_record_comes_back_as_it_was(recording: Path) -> None:
 def test_every_decision_is_reproduced_from_the_file_alone(recording: Path) -> None:
     limits = read_plan(recording).limits
     assert limits == LIMITS
-    assert list(differences(recording, limits)) == [None] * 400
+    assert replay(recording, limits) == Replayed(decisions=400)
 
 
 def test_other_limits_would_have_decided_differently_and_replay_says_where(recording: Path) -> None:
-    found = [d for d in differences(recording, Limits(stop_mm=890, avoid_mm=900, near_loss_mm=900)) if d is not None]
+    found = replay(recording, Limits(stop_mm=890, avoid_mm=900, near_loss_mm=900)).differences
     assert found
-    assert "was" in found[0].what
+    assert "was recorded, would be" in found[0].what
+
+
+def test_a_recorded_minus_zero_is_not_the_zero_that_is_decided(tmp_path: Path) -> None:
+    made = some_records(3)
+    forged = replace(made[1].decision, motion=Motion(-0.0, -0.0))
+    found = replay(kept(tmp_path, [made[0], msgspec.structs.replace(made[1], decision=forged), made[2]]), LIMITS)
+    assert [d.record.tick for d in found.differences] == [1]
+    assert "decision.motion" in found.differences[0].what
+
+
+def test_whole_numbers_where_the_arbiter_was_given_whole_numbers_are_no_difference(tmp_path: Path) -> None:
+    state, facts = State(latch="", armed=True, output=Motion(0, 0)), some_records(1)[0].facts
+    facts = replace(facts, drive=msgspec.structs.replace(facts.drive, speed_mm_s=0, turn_deg_s=0))
+    after, decision = decide(state, facts, LIMITS)
+    made = msgspec.structs.replace(some_records(1)[0], before=state, facts=facts, after=after, decision=decision)
+    assert replay(kept(tmp_path, [made]), LIMITS).differences == []
+
+
+def test_a_state_that_the_decision_before_did_not_leave_is_told(tmp_path: Path) -> None:
+    made = some_records(4)
+    before = replace(made[2].before, output_ns=made[2].before.output_ns - MS)
+    after, decision = decide(before, made[2].facts, LIMITS)
+    made[2] = msgspec.structs.replace(made[2], before=before, after=after, decision=decision)
+    found = replay(kept(tmp_path, made[:3]), LIMITS)
+    assert [d.record.tick for d in found.differences] == [2]
+    assert "was left, but tick 2 began with" in found.differences[0].what
+
+
+def test_ticks_that_are_missing_are_counted_and_are_no_difference(tmp_path: Path) -> None:
+    made = some_records(30)
+    assert replay(kept(tmp_path, made[3:10] + made[15:20] + made[21:]), LIMITS) == Replayed(decisions=21, missing=6)
+
+
+def test_records_in_a_wrong_order_are_told(tmp_path: Path) -> None:
+    made = some_records(4)
+    found = replay(kept(tmp_path, [made[0], made[2], made[1], made[3]]), LIMITS)
+    assert [d.what for d in found.differences] == ["tick 1 comes after tick 2"]
+
+
+def test_a_whole_record_that_cannot_be_read_is_not_taken_for_a_cut(tmp_path: Path) -> None:
+    path = written(
+        tmp_path, [(RECORDS_TOPIC, records.encode(some_records(1)[0])), (RECORDS_TOPIC, b"\x81\xa4tick\xc0")]
+    )
+    reading = read(path)
+    next(reading)
+    with pytest.raises(McapError, match=r"forged\.mcap: record 1 cannot be read"):
+        next(reading)
+
+
+UNREADABLE = {
+    "empty": b"",
+    "cut in its magic": b"\x89MCAP",
+    "cut in its first record": b"\x89MCAP0\r\n\x01\xff\x00",
+    "noise": b"\x89MCAP0\r\n" + bytes(range(256)),
+    "another file": b"a letter to my aunt",
+}
+
+
+@pytest.mark.parametrize("data", UNREADABLE.values(), ids=UNREADABLE)
+def test_replay_says_in_one_sentence_why_a_file_cannot_be_replayed(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "x.mcap"
+    path.write_bytes(data)
+    assert_one_sentence(path)
+
+
+@pytest.mark.parametrize("plan_data", [b"{", b"{}", b'{"chair": "\xff"}', b"[]"])
+def test_replay_says_in_one_sentence_that_a_plan_cannot_be_read(tmp_path: Path, plan_data: bytes) -> None:
+    assert_one_sentence(written(tmp_path, [(PLAN_TOPIC, plan_data)]))
+
+
+def test_replay_says_in_one_sentence_that_a_record_cannot_be_read(recording: Path, tmp_path: Path) -> None:
+    plan_data = next(messages(recording, PLAN_TOPIC))
+    assert_one_sentence(written(tmp_path, [(PLAN_TOPIC, plan_data), (RECORDS_TOPIC, b"\xc1")]))
+
+
+def assert_one_sentence(path: Path) -> None:
+    app = typer.Typer()
+    app.command()(replay_command)
+    result = CliRunner().invoke(app, [str(path)])
+    assert result.exit_code == 2
+    assert result.output.startswith(f"chairward: {path}")
+    assert result.output.count("\n") == 1
 
 
 @settings(max_examples=25, deadline=None)

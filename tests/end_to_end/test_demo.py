@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from chairward.recording import read
-from chairward.replay import differences, read_plan
+from chairward.replay import read_plan, replay
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(240)]
 
@@ -66,10 +66,10 @@ def test_late_ticks_are_rare_and_each_is_logged(demo: Any) -> None:
 
 
 def test_every_decision_of_it_is_reproduced_from_the_recording(demo: Any, recording: Path) -> None:
-    results = list(differences(recording, read_plan(recording).limits))
-    assert demo["missed_records"] == 0
-    assert len(results) >= demo["ticks"]
-    assert [d.what for d in results if d is not None] == []
+    found = replay(recording, read_plan(recording).limits)
+    assert demo["missed_records"] == found.missing == 0
+    assert found.decisions >= demo["ticks"]
+    assert [d.what for d in found.differences] == []
 
 
 def test_the_recording_holds_the_motor_controllers_answers(demo: Any, recording: Path) -> None:

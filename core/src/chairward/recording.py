@@ -77,15 +77,29 @@ class Recorder:
 
 
 def read(path: Path) -> Iterator[Record]:
-    """The records of a file, in order; of a file that was cut, all before the cut. Raises OSError, McapError."""
+    """The records of a file, in order; of a file that was cut, all before the cut.
+
+    Raises OSError; McapError for what is no recording, and for a record that is whole but cannot be read.
+    """
+    for nth, data in enumerate(messages(path, RECORDS_TOPIC)):
+        try:
+            yield records.decode(data)
+        except (msgspec.DecodeError, UnicodeDecodeError) as error:
+            raise McapError(
+                f"{path}: record {nth} cannot be read ({error}); it is damaged, or of another version of chairward"
+            ) from error
+
+
+def messages(path: Path, topic: str) -> Iterator[bytes]:
+    """The messages of one topic, in order; of a file that was cut, all before the cut. Raises OSError, McapError."""
     with path.open("rb") as file:
         topics: dict[int, str] = {}
         try:
             for item in StreamReader(file).records:
                 if isinstance(item, Channel):
                     topics[item.id] = item.topic
-                elif isinstance(item, Message) and topics.get(item.channel_id) == RECORDS_TOPIC:
-                    yield records.decode(item.data)
+                elif isinstance(item, Message) and topics.get(item.channel_id) == topic:
+                    yield item.data
         except InvalidMagic as error:
             raise McapError(f"{path}: not a recording ({error})") from error
         except (McapError, EOFError, ValueError, struct.error, zstandard.ZstdError):

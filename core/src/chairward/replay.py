@@ -1,23 +1,24 @@
 """Replay: decide again what was decided, from the recording alone, and compare bit for bit.
 
 Each record holds state, facts and decision, and the file holds the plan with its limits, so nothing else is needed.
+What is compared is the encoded record: there -0.0 is not 0.0, and a NaN is itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from pathlib import Path
+from typing import Any
 
 import msgspec
 from mcap.exceptions import McapError
-from mcap.records import Channel, Message
-from mcap.stream_reader import StreamReader
 
+from chairward import records
 from chairward.arbiter import decide
 from chairward.facts import Limits
 from chairward.plan import Plan
-from chairward.recording import PLAN_TOPIC, read
+from chairward.recording import PLAN_TOPIC, messages, read
 from chairward.records import Record
 
 
@@ -29,32 +30,64 @@ class Difference:
     what: str
 
 
+@dataclass(slots=True)
+class Replayed:
+    """What replay found. missing: ticks of which the recording holds no record, from the first record to the last."""
+
+    decisions: int = 0
+    missing: int = 0
+    differences: list[Difference] = field(default_factory=list)
+
+
 def read_plan(path: Path) -> Plan:
-    """The plan of the run that was recorded. Raises OSError, McapError when there is none."""
-    with path.open("rb") as file:
-        plans = set()
-        for item in StreamReader(file).records:
-            if isinstance(item, Channel) and item.topic == PLAN_TOPIC:
-                plans.add(item.id)
-            elif isinstance(item, Message) and item.channel_id in plans:
-                return msgspec.json.decode(item.data, type=Plan)
+    """The plan of the run that was recorded. Raises OSError, and McapError when there is none or it cannot be read."""
+    for data in messages(path, PLAN_TOPIC):
+        try:
+            return msgspec.json.decode(data, type=Plan)
+        except (msgspec.DecodeError, UnicodeDecodeError) as error:
+            raise McapError(
+                f"{path}: its plan cannot be read ({error}); it is damaged, or of another version of chairward"
+            ) from error
     raise McapError(f"{path}: holds no plan, so its limits are not known")
 
 
-def differences(path: Path, limits: Limits) -> Iterator[Difference | None]:
-    """For each record in order: None when it is decided the same again, else what differs."""
+def replay(path: Path, limits: Limits) -> Replayed:
+    """Decide every record again; and see whether each begins with the state that the one before it left.
+
+    Raises OSError, McapError.
+    """
+    found, last = Replayed(), None
     for record in read(path):
-        state, decision = decide(record.before, record.facts, limits)
-        if (state, decision) == (record.after, record.decision):
-            yield None
-        else:
-            yield Difference(record, _first_difference(record, state, decision))
+        found.decisions += 1
+        if last is not None:
+            found.missing += max(0, record.tick - last.tick - 1)
+        what = next(_differ(record, last, limits), "")
+        if what:
+            found.differences.append(Difference(record, what))
+        last = record
+    return found
 
 
-def _first_difference(record: Record, state: object, decision: object) -> str:
-    for name, was, now in (("decision", record.decision, decision), ("state", record.after, state)):
-        for field in type(was).__dataclass_fields__:
-            a, b = getattr(was, field), getattr(now, field)
-            if a != b:
-                return f"{name}.{field}: was {a!r}, would be {b!r}"
-    return "nothing that is recorded"
+def _differ(record: Record, last: Record | None, limits: Limits) -> Iterator[str]:
+    """Sentences on what is not as it would be now: the decision, the state it left, the state it began with."""
+    after, decision = decide(record.before, record.facts, limits)
+    again = msgspec.structs.replace(record, after=after, decision=decision)
+    if not _same(again, record):
+        again = records.decode(records.encode(again))  # as if it had been recorded: 0 is then 0.0 where a float is due
+        yield from _fields("decision", record.decision, again.decision)
+        yield from _fields("state", record.after, again.after)
+    if last is not None and record.tick == last.tick + 1:
+        yield from _fields("state", last.after, record.before, f"was left, but tick {record.tick} began with")
+    elif last is not None and record.tick <= last.tick:
+        yield f"tick {record.tick} comes after tick {last.tick}"
+
+
+def _fields(name: str, was: Any, now: Any, but: str = "was recorded, would be") -> Iterator[str]:
+    for one in fields(was):
+        a, b = getattr(was, one.name), getattr(now, one.name)
+        if not _same(a, b):
+            yield f"{name}.{one.name}: {a!r} {but} {b!r}"
+
+
+def _same(a: object, b: object) -> bool:
+    return msgspec.msgpack.encode(a) == msgspec.msgpack.encode(b)

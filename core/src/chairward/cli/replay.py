@@ -10,7 +10,8 @@ from typing import Annotated
 import typer
 from mcap.exceptions import McapError
 
-from chairward.replay import Difference, differences, read_plan
+from chairward.replay import read_plan
+from chairward.replay import replay as decide_again
 
 
 def replay(
@@ -21,22 +22,26 @@ def replay(
     try:
         limits = read_plan(file).limits
         began = time.perf_counter()
-        results = list(differences(file, limits))
+        found = decide_again(file, limits)
         seconds = time.perf_counter() - began
     except (OSError, McapError) as error:
         typer.echo(f"chairward: {error}", err=True)
         raise typer.Exit(2) from None
-    found = [r for r in results if isinstance(r, Difference)]
-    summary = {
-        "decisions": len(results),
-        "reproduced": len(results) - len(found),
-        "seconds": round(seconds, 3),
-        "first_differences": [{"tick": d.record.tick, "what": d.what} for d in found[:10]],
-    }
+    reproduced = found.decisions - len(found.differences)
+    first = found.differences[:10]
     if as_json:
+        summary = {
+            "decisions": found.decisions,
+            "reproduced": reproduced,
+            "missing": found.missing,
+            "seconds": round(seconds, 3),
+            "first_differences": [{"tick": d.record.tick, "what": d.what} for d in first],
+        }
         typer.echo(json.dumps(summary, indent=1))
     else:
-        typer.echo(f"{summary['reproduced']} of {len(results)} decisions reproduced bit for bit in {seconds:.2f} s")
-        for d in found[:10]:
+        typer.echo(f"{reproduced} of {found.decisions} decisions reproduced bit for bit in {seconds:.2f} s")
+        if found.missing:
+            typer.echo(f"{found.missing} more decisions were made in that time but not recorded")
+        for d in first:
             typer.echo(f"tick {d.record.tick}: {d.what}")
-    raise typer.Exit(1 if found else 0)
+    raise typer.Exit(1 if found.differences else 0)
