@@ -119,7 +119,7 @@ class Limits:
     reverse_step_mm: float = 300.0
     held_ns: int = 250 * MS
     drive_freshness_ns: int = 200 * MS
-    supervisor_freshness_ns: int = 500 * MS
+    supervisor_freshness_ns: int = 200 * MS
     latch_after_ns: int = 500 * MS
     gap_limit_ns: int = 100 * MS
 

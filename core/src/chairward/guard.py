@@ -67,6 +67,7 @@ class Guard:
         self.tick = 0
         self.periods = 0
         self.leaving_since_ns = 0
+        self.leaving_because = ""
         self.commanded = STILL
         self.hard = False
         self.selector = selectors.SelectSelector()  # epoll and poll round the time-out up to whole milliseconds
@@ -99,6 +100,9 @@ class Guard:
                     self._new_tick()
         finally:
             self.drive.close()
+            for end in (*self.lanes.values(), *self.observers, self.control):
+                end.close()
+            self.selector.close()
         return 0
 
     def _wait(self, timeout_s: float) -> bool:
@@ -172,11 +176,13 @@ class Guard:
                     os.close(fd)
         except EOFError:
             self.selector.unregister(self.control)
-            self.leave()
+            self.supervisor_ns = 0
+            self.leave("its process has ended")
 
-    def leave(self) -> None:
+    def leave(self, reason: str = "the run is ending") -> None:
         """Stop the chair, then end; the run's last decisions are recorded like all others."""
-        self.leaving_since_ns = self.leaving_since_ns or time.monotonic_ns()
+        if not self.leaving_since_ns:
+            self.leaving_since_ns, self.leaving_because = time.monotonic_ns(), reason
 
     def _may_leave(self) -> bool:
         """Leaving, and the controller has said that it stands (or had its time)."""
@@ -200,7 +206,7 @@ class Guard:
         """Facts, decision, drive, record."""
         self._poll_drive(now, periodic=periodic)
         if self.leaving_since_ns:
-            self.border.lane_lost("supervisor", "the run is ending")
+            self.border.lane_lost("supervisor", self.leaving_because)
         facts = self.border.facts(now, self.status, self.supervisor_ns, gap_ns)
         before = self.state
         after, decision = arbiter.decide(before, facts, self.limits)

@@ -56,7 +56,7 @@ def freshness(scene: Scene) -> Votes:
     if late := _late(scene, "drive", facts.drive.at_ns, limits.drive_freshness_ns):
         yield late
     if late := _late(scene, SUPERVISOR, facts.supervisor_ns, limits.supervisor_freshness_ns):
-        yield late
+        yield late._replace(grip=Grip.LATCHES)  # nobody watches the other processes any more: a fault at once
     if facts.lost:
         required = {SUPERVISOR, *map(lane, _required(limits))}
         for name, sentence in facts.lost.items():

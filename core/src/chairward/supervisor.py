@@ -24,6 +24,7 @@ import msgspec
 from chairward import frames, plan, records, wire
 from chairward.options import BesideOptions, GuardOptions, LaneOptions
 from chairward.plan import LanePlan, Plan
+from chairward.realtime import a_little_ahead
 
 log = logging.getLogger(__name__)
 
@@ -94,7 +95,8 @@ class Supervisor:
             self._start_companions()
             if not self._stop:
                 self._start_guard_and_lanes()
-                self._watch(for_s)
+                with a_little_ahead():  # the heartbeat must not wait for busy neighbours
+                    self._watch(for_s)
         finally:
             code = self._end()
         return code

@@ -111,7 +111,7 @@ class LimitsTable(Strict):
         default=frozenset(Command), description="what may be asked for; stop and help always may"
     )
     drive_freshness_ms: int = Field(default=200, ge=20, le=500, description="the controller must have answered within")
-    supervisor_freshness_ms: int = Field(default=500, ge=100, le=1000, description="the supervisor, too")
+    supervisor_freshness_ms: int = Field(default=200, ge=100, le=1000, description="the supervisor, too")
     gap_limit_ms: int = Field(default=100, ge=20, le=500, description="a longer jump of the guard's own clock latches")
 
     @model_validator(mode="after")
