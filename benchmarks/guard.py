@@ -19,7 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "tests" / "safety"), str(ROOT / "tests" / "safety" / "zoo")]
 
-from chairward.summary import percentiles_ms  # noqa: E402
+from chairward.durations import percentiles_ms  # noqa: E402
 
 
 def busy() -> None:

@@ -6,14 +6,17 @@ import json
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from chairward.cli.run import parse_seconds
+from chairward.cli.run import parse_seconds, reports
 from chairward.components import Motion
+from chairward.durations import Durations, percentiles_ms
 from chairward.envelope import Caps
 from chairward.facts import MS, Decision, Facts, Limits, S, State, Why, Wish
 from chairward.messages import Command, DriveStatus, RangeReading
 from chairward.records import Record
-from chairward.summary import Summary, against_truth, percentiles_ms
+from chairward.summary import LATE_TICKS_LOGGED, Seen, Summary, against_truth
 
 LIMITS = Limits(caps=Caps(500.0, 150.0, 30.0, 30.0))
 
@@ -35,7 +38,6 @@ def record(at_ms: int, motion: Motion = Motion(0.0, 0.0), late_ms: float = 0.0, 
         woke_ns=now + int(late_ms * MS),
         wrote_ns=now + MS,
         periodic=True,
-        limits_id="",
         before=State(),
         facts=Facts(
             now_ns=now,
@@ -107,7 +109,7 @@ def test_nearest_approach_counts_only_while_driving_forward() -> None:
 
 
 def test_what_was_seen_is_held_against_the_truth_by_kind(tmp_path: Path) -> None:
-    summary = Summary(LIMITS)
+    summary = Summary(LIMITS, keep_seen=True)
     lines = []
     for i, (seen, truth) in enumerate([(900, 880), (700, 690), (590, 600), (580, 595)]):
         captured = 10 * S + i * 100 * MS
@@ -116,10 +118,34 @@ def test_what_was_seen_is_held_against_the_truth_by_kind(tmp_path: Path) -> None
         motion = Motion(0.0 if seen < 600 else 100.0, 0.0)
         summary.add(record(i * 100, motion, ranges={"front/stereo": (reading,)}))
     (tmp_path / "front-truth.jsonl").write_text("\n".join(map(json.dumps, lines)))
-    result = against_truth(summary.seen, tmp_path)["front/stereo"]["sequence"]
+    events: list[str] = []
+    result = against_truth(summary.seen, tmp_path, events)["front/stereo"]["sequence"]
+    assert events == []
     assert (result["frames"], result["abs_error_median_mm"]) == (4, 12.5)
     assert result["frames_from_600_to_stop"] == 0
     assert result["truth_at_stop_mm"] == 600
+
+
+@pytest.mark.parametrize(
+    "half", ['{"captured_ns": 5, "tru', '{"truth_mm": 600}', "7", '{"truth_mm": 1, "captured_ns": []}']
+)
+def test_a_half_written_truth_line_is_left_out_and_told(tmp_path: Path, half: str) -> None:
+    whole = json.dumps({"captured_ns": 5, "kind": "still", "truth_mm": 600})
+    (tmp_path / "front-truth.jsonl").write_text(f"{whole}\n{half}")
+    events: list[str] = []
+    seen = [Seen("front/stereo", 5, 610, True, Motion(0.0, 0.0))]
+    assert against_truth(seen, tmp_path, events)["front/stereo"]["still"]["with_truth"] == 1
+    assert len(events) == 1
+    assert events[0].startswith("front-truth.jsonl: line 2 cannot be read")
+
+
+def test_a_half_written_report_is_left_out_and_told(tmp_path: Path) -> None:
+    (tmp_path / "report-world.json").write_text('{"collisions": 0}')
+    (tmp_path / "report-pic.json").write_text('{"frames": ')
+    events: list[str] = []
+    assert reports(tmp_path, events) == {"world": {"collisions": 0}}
+    assert len(events) == 1
+    assert events[0].startswith("report-pic.json: cannot be read")
 
 
 @pytest.mark.parametrize(("text", "seconds"), [("30s", 30.0), ("2m", 120.0), ("1.5h", 5400.0), ("7", 7.0)])
@@ -141,3 +167,32 @@ def test_percentiles_of_nothing_are_nothing() -> None:
         "p99_9": 100.0,
         "max": 100.0,
     }
+
+
+@given(st.lists(st.integers(0, 10**12), min_size=1, max_size=300))
+def test_percentiles_are_within_half_a_percent_and_the_largest_is_exact(values: list[int]) -> None:
+    told = percentiles_ms(values)
+    assert told is not None
+    assert (told["n"], told["max"]) == (len(values), round(max(values) / MS, 3))
+    for name, share in (("p50", 0.5), ("p99", 0.99), ("p99_9", 0.999)):
+        exact = sorted(values)[min(len(values) - 1, int(len(values) * share))] / MS
+        assert told[name] == pytest.approx(exact, rel=0.005, abs=0.001)
+
+
+def test_durations_take_little_memory_however_many_they_are() -> None:
+    durations = Durations()
+    for value in range(0, 40 * MS, 199):
+        durations.add(value)
+    assert durations.n > 200_000
+    assert len(durations._counts) < 6_000
+
+
+def test_a_long_bad_run_is_counted_in_full_and_kept_in_part() -> None:
+    summary = Summary(LIMITS)
+    ticks = 3 * LATE_TICKS_LOGGED
+    for i in range(ticks):
+        reading = RangeReading(seq=i, captured_ns=10 * S + i * MS, can_see=True)
+        summary.add(record(20 * i, late_ms=50.0, ranges={"front/stereo": (reading,)}))
+    result = summary.result()
+    assert (result["late_ticks"], result["readings"], len(result["late_tick_log"])) == (ticks, ticks, LATE_TICKS_LOGGED)
+    assert summary.seen == [], "only an input that ends is kept, to hold it against the truth"

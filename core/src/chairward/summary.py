@@ -13,13 +13,17 @@ from pathlib import Path
 from typing import Any
 
 from chairward.components import STILL, Motion
+from chairward.durations import Durations
 from chairward.envelope import Caps
 from chairward.facts import MS, Decision, Limits, S, Wish
-from chairward.messages import Command, RangeReading
+from chairward.messages import NOTHING_NEAR_MM, Command, RangeReading
 from chairward.records import Record
 
 LATE_TICK_NS = 40 * MS
+LATE_TICKS_LOGGED = 100
 OBEY_WITHIN_NS = 3 * S
+NEAR_MM = 1100.0
+"""Errors of distance are told apart below this: there they decide."""
 
 
 @dataclass(slots=True)
@@ -43,9 +47,13 @@ class Seen:
 
 @dataclass(slots=True)
 class Summary:
-    """Figures of a run so far."""
+    """Figures of a run so far, in bounded memory however long it is (but for words and stops, one line each).
+
+    keep_seen: keep every reading too, to hold it against the truth; for input from files, which ends.
+    """
 
     limits: Limits
+    keep_seen: bool = False
     began_ns: int = 0
     ended_ns: int = 0
     driven_mm: float = 0.0
@@ -56,10 +64,11 @@ class Summary:
     nearest_mm: int | None = None
     over_caps: int = 0
     ticks: int = 0
+    late_ticks: int = 0
     late: list[dict[str, float]] = field(default_factory=list)
-    lateness_ns: list[int] = field(default_factory=list)
-    reaction_ns: list[int] = field(default_factory=list)
-    frame_age_ns: list[int] = field(default_factory=list)
+    lateness: Durations = field(default_factory=Durations)
+    reaction: Durations = field(default_factory=Durations)
+    frame_age: Durations = field(default_factory=Durations)
     missed_records: int = 0
     refused: dict[str, str] = field(default_factory=dict)
     refused_count: dict[str, int] = field(default_factory=dict)
@@ -102,13 +111,15 @@ class Summary:
         if record.periodic:
             self.ticks += 1
             lateness = record.woke_ns - record.due_ns
-            self.lateness_ns.append(lateness)
+            self.lateness.add(lateness)
             if lateness > LATE_TICK_NS:
-                at_s = (record.woke_ns - self.began_ns) / S
-                self.late.append({"at_s": round(at_s, 3), "late_ms": round(lateness / MS, 1)})
+                self.late_ticks += 1
+                if len(self.late) < LATE_TICKS_LOGGED:
+                    at_s = (record.woke_ns - self.began_ns) / S
+                    self.late.append({"at_s": round(at_s, 3), "late_ms": round(lateness / MS, 1)})
         if record.newest_sent_ns > self._last_sent_ns:
             self._last_sent_ns = record.newest_sent_ns
-            self.reaction_ns.append(record.wrote_ns - record.newest_sent_ns)
+            self.reaction.add(record.wrote_ns - record.newest_sent_ns)
 
     def _moved(self, record: Record, now: int) -> None:
         seconds = (now - self._last_ns) / S if self._last_ns else 0.0
@@ -136,8 +147,9 @@ class Summary:
             newest = window[-1]
             if newest.seq != self._last_seq.get(source):
                 self._last_seq[source] = newest.seq
-                self.frame_age_ns.append(record.facts.now_ns - newest.captured_ns)
-                self.seen.append(_seen(source, newest, record.decision.motion))
+                self.frame_age.add(record.facts.now_ns - newest.captured_ns)
+                if self.keep_seen:
+                    self.seen.append(_seen(source, newest, record.decision.motion))
 
     def result(self) -> dict[str, Any]:
         """The figures as JSON values."""
@@ -162,13 +174,13 @@ class Summary:
             "nearest_while_driving_mm": self.nearest_mm,
             "over_caps": self.over_caps,
             "ticks": self.ticks,
-            "late_ticks": len(self.late),
-            "late_ticks_pct": round(100.0 * len(self.late) / max(1, self.ticks), 3),
-            "late_tick_log": self.late[:100],
-            "tick_lateness_ms": percentiles_ms(self.lateness_ns),
-            "message_to_wire_ms": percentiles_ms(self.reaction_ns),
-            "reading_age_ms": percentiles_ms(self.frame_age_ns),
-            "readings": len(self.seen),
+            "late_ticks": self.late_ticks,
+            "late_ticks_pct": round(100.0 * self.late_ticks / max(1, self.ticks), 3),
+            "late_tick_log": self.late,
+            "tick_lateness_ms": self.lateness.percentiles_ms(),
+            "message_to_wire_ms": self.reaction.percentiles_ms(),
+            "reading_age_ms": self.frame_age.percentiles_ms(),
+            "readings": self.frame_age.n,
             "missed_records": self.missed_records,
             "refused_messages": {s: {"count": self.refused_count[s], "last": self.refused[s]} for s in self.refused},
         }
@@ -205,24 +217,15 @@ def _does(wish: Wish, motion: Motion, record: Record) -> bool:
             return motion.turn_deg_s < 0.0
 
 
-def percentiles_ms(values_ns: Sequence[int]) -> dict[str, float] | None:
-    """p50, p99, p99.9 and the largest, in milliseconds; None without values."""
-    if not values_ns:
-        return None
-    ordered = sorted(values_ns)
-
-    def at(share: float) -> float:
-        return round(ordered[min(len(ordered) - 1, int(len(ordered) * share))] / MS, 3)
-
-    return {"n": len(ordered), "p50": at(0.5), "p99": at(0.99), "p99_9": at(0.999), "max": at(1.0)}
-
-
 # ---- what was seen beside what was there (file input) ------------------------------------------------------------
 
 
-def against_truth(seen: Iterable[Seen], run_dir: Path) -> dict[str, Any]:
-    """Distances seen against truth, by kind, from the truth files that recorded sources leave in the run's folder."""
-    truth = _truth_rows(run_dir)
+def against_truth(seen: Iterable[Seen], run_dir: Path, events: list[str]) -> dict[str, Any]:
+    """Distances seen against truth, by kind, from the truth files that recorded sources leave in the run's folder.
+
+    What of them cannot be read is told in `events`.
+    """
+    truth = _truth_rows(run_dir, events)
     if not truth:
         return {}
     by_source: dict[str, dict[str, list[tuple[dict[str, Any], Seen]]]] = {}
@@ -235,27 +238,45 @@ def against_truth(seen: Iterable[Seen], run_dir: Path) -> dict[str, Any]:
     }
 
 
-def _truth_rows(run_dir: Path) -> dict[tuple[str, int], dict[str, Any]]:
+def _quantile(values: Sequence[float], share: float) -> float | None:
+    """The quantile (the middle one of two is their mean), to a tenth; None without values."""
+    if not values:
+        return None
+    ordered = sorted(values)
+    return round(statistics.median(ordered) if share == 0.5 else ordered[int(share * (len(ordered) - 1))], 1)
+
+
+def _truth_rows(run_dir: Path, events: list[str]) -> dict[tuple[str, int], dict[str, Any]]:
     rows: dict[tuple[str, int], dict[str, Any]] = {}
     for path in sorted(run_dir.glob("*-truth.jsonl")):
         lane = path.name.removesuffix("-truth.jsonl")
-        for line in path.read_text().splitlines():
-            row = json.loads(line)
-            if "truth_mm" in row:
-                rows[lane, int(row["captured_ns"])] = row
+        for nth, line in enumerate(path.read_text(errors="replace").splitlines(), start=1):
+            try:
+                row = json.loads(line)
+                if "truth_mm" in row:
+                    rows[lane, int(row["captured_ns"])] = row
+            except (ValueError, TypeError, KeyError) as error:
+                events.append(f"{path.name}: line {nth} cannot be read ({error}) and is left out")
     return rows
 
 
 def _compare(pairs: Sequence[tuple[dict[str, Any], Seen]]) -> dict[str, Any]:
     known = [(float(r["truth_mm"]), s) for r, s in pairs if r["truth_mm"] is not None]
-    errors = sorted(abs(s.ahead_mm - t) for t, s in known if s.can_see and s.ahead_mm is not None and s.ahead_mm < 5000)
+    seen = [(t, s.ahead_mm) for t, s in known if s.can_see and s.ahead_mm is not None and s.ahead_mm < NOTHING_NEAR_MM]
+    errors = [abs(mm - t) for t, mm in seen]
+    near = [abs(mm - t) for t, mm in seen if t <= NEAR_MM]
     result: dict[str, Any] = {
         "frames": len(pairs),
         "with_truth": len(known),
         "blind": sum(not s.can_see for _, s in pairs),
+        "driven_forward": sum(s.motion.drive_mm_s > 0.0 for _, s in pairs),
+        "nearest_seen_mm": min((s.ahead_mm for _, s in pairs if s.ahead_mm is not None), default=None),
         "measured": len(errors),
-        "abs_error_median_mm": round(statistics.median(errors), 1) if errors else None,
-        "abs_error_p95_mm": round(errors[int(0.95 * (len(errors) - 1))], 1) if errors else None,
+        "abs_error_median_mm": _quantile(errors, 0.5),
+        "abs_error_p95_mm": _quantile(errors, 0.95),
+        "measured_near": len(near),
+        "near_error_median_mm": _quantile(near, 0.5),
+        "near_error_p95_mm": _quantile(near, 0.95),
     }
     first_near = next((i for i, (_, s) in enumerate(pairs) if s.ahead_mm is not None and s.ahead_mm <= 600), None)
     if first_near is not None:

@@ -26,7 +26,7 @@ from rich.text import Text
 from chairward import profile
 from chairward.facts import Decision, Instruction
 from chairward.messages import Way
-from chairward.plan import Part, Plan
+from chairward.plan import ChairKind, Part, Plan
 from chairward.plugins import PluginError, discover
 from chairward.records import Record
 from chairward.summary import Summary, against_truth
@@ -140,7 +140,7 @@ def _run(
     plan: Plan, run_dir: Path, seconds: float | None, console: Console, *, headless: bool
 ) -> tuple[int, dict[str, Any]]:
     """One run under the supervisor; returns exit code and summary."""
-    summary = Summary(plan.limits)
+    summary = Summary(plan.limits, keep_seen=plan.kind is ChairKind.FILES)
     shown = 0.0
     live = None if headless or not console.is_terminal else Live(console=console, auto_refresh=False, transient=True)
 
@@ -172,11 +172,20 @@ def _run(
     }
     if supervisor.up is not None:
         result["guard"] = {"fifo": supervisor.up.fifo, "memory_locked": supervisor.up.memory_locked}
-    if seen := against_truth(summary.seen, run_dir):
+    if seen := against_truth(summary.seen, run_dir, supervisor.events):
         result["seen_against_truth"] = seen
+    return code, result | reports(run_dir, supervisor.events)
+
+
+def reports(run_dir: Path, events: list[str]) -> dict[str, Any]:
+    """What companions and lanes reported at their end, by name; one that cannot be read is told in `events`."""
+    found = {}
     for path in sorted(run_dir.glob("report-*.json")):
-        result[path.stem.removeprefix("report-")] = json.loads(path.read_text())
-    return code, result
+        try:
+            found[path.stem.removeprefix("report-")] = json.loads(path.read_text())
+        except (OSError, ValueError) as error:
+            events.append(f"{path.name}: cannot be read ({error}) and is left out")
+    return found
 
 
 @contextmanager
