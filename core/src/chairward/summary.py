@@ -24,8 +24,6 @@ LATE_TICKS_LOGGED = 100
 OBEY_WITHIN_NS = 3 * S
 NEAR_MM = 1100.0
 """Errors of distance are told apart below this: there they decide."""
-NEAR_MM = 1100.0
-"""Errors of distance are told apart below this: there they decide."""
 
 
 @dataclass(slots=True)
@@ -238,14 +236,6 @@ def against_truth(seen: Iterable[Seen], run_dir: Path, events: list[str]) -> dic
     return {
         source: {kind: _compare(pairs) for kind, pairs in kinds.items()} for source, kinds in sorted(by_source.items())
     }
-
-
-def _quantile(values: Sequence[float], share: float) -> float | None:
-    """The quantile (the middle one of two is their mean), to a tenth; None without values."""
-    if not values:
-        return None
-    ordered = sorted(values)
-    return round(statistics.median(ordered) if share == 0.5 else ordered[int(share * (len(ordered) - 1))], 1)
 
 
 def _quantile(values: Sequence[float], share: float) -> float | None:
