@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from chairward.components import Context, DeviceLost, EndOfInput
+from chairward.components import Context, DeviceLost, EndOfInput, Pose
 from chairward.stages import StereoFrame
 from chairward_cameras.pictures import TRUTH_PIXELS, navigation_region
 from chairward_cameras.playback import FilePairs
@@ -145,6 +146,18 @@ def test_geometry_follows_the_manifest_and_the_size(tmp_path: Path, context: Con
     assert (half.geometry.focal_px, half.geometry.doffs_px, half.geometry.width_px) == (1000, 40, 128)
 
 
+def test_frames_tell_where_they_were_taken_from_as_far_as_the_note_does(tmp_path: Path, context: Context) -> None:
+    rows = [
+        still(tmp_path, "a", note="box mount=A"),
+        still(tmp_path, "n", note="box"),
+        sequence(tmp_path, "s", 2, note="mount=B"),
+    ]
+    chair = replace(context, pose=Pose(x_mm=450.0, z_mm=555.0, pitch_deg=3.0))
+    frames = played(chair, manifest=manifest(tmp_path, *rows), playback_fps=0, hold_frames=1)
+    a, b = Pose(x_mm=450.0, z_mm=400.0), Pose(x_mm=450.0, z_mm=700.0, pitch_deg=15.0)
+    assert [f.pose for f in frames] == [a, None, b, b]
+
+
 def test_every_pair_given_has_its_line_of_truth(tmp_path: Path, context: Context) -> None:
     (tmp_path / "truth.csv").write_text("frame,board_mm\n0,\n1,812.5\n")
     path = manifest(tmp_path, still(tmp_path, "a", nearest_in_roi_mm=640.5), sequence(tmp_path, "s", 3, gt="truth.csv"))
@@ -188,6 +201,7 @@ def test_the_navigation_region_is_the_trapezoid_of_the_thesis(size: tuple[int, i
         ({"focal_px": -3}, r"line 2 \(a\): focal_px is '-3'"),
         ({"baseline_mm": "nan"}, r"line 2 \(a\): baseline_mm is 'nan'"),
         ({"doffs": "inf"}, r"line 2 \(a\): doffs is 'inf', but a number is needed"),
+        ({"note": "mount=C"}, r"line 2 \(a\): the note says mount=C, but only A or B is known"),
         ({"right": "gone.png"}, r"line 2 \(a\): right names 'gone.png', but there is no such file"),
         ({"left": ""}, r"line 2 \(a\): left is empty"),
         ({"kind": "sequence"}, r"line 2 \(a\): a sequence needs file patterns"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -109,6 +110,54 @@ def test_larger_pictures_are_worked_on_at_the_working_height(tools: Any, tmp_pat
     assert pair.left.shape == (240, 320, 3)
     assert pair.geometry.focal_px == pytest.approx(300.0)
     assert reading.ahead_mm == pytest.approx(700, abs=20)
+
+
+def of_recording(tools: Any, name: str, seq: int, mount: Pose, *boards: Any) -> StereoFrame:
+    pair = tools.render(tools.room(boards), pose=mount)
+    return replace(frame(pair, tools.geometry(), seq), name=f"{name}/{seq:03d}")
+
+
+def test_a_recording_is_measured_from_where_its_frames_say(tools: Any, tmp_path: Path) -> None:
+    for mount in ("chair", "floor"):
+        stage = make(tmp_path, Pose(x_mm=450.0, z_mm=400.0), mount=mount)
+        told = replace(tools.mount_b, x_mm=450.0)
+        item = replace(of_recording(tools, "b", 1, tools.mount_b, tools.board(900.0)), pose=told)
+        [reading], bench = run(stage, item)
+        pair = bench.get(RectifiedPair)
+        assert pair is not None
+        assert pair.pose == told
+        assert reading.ahead_mm == pytest.approx(900, abs=25), mount
+
+
+def test_a_recording_that_does_not_tell_its_mount_is_measured_from_its_own_floor(tools: Any, tmp_path: Path) -> None:
+    stage = make(tmp_path, Pose(x_mm=450.0, z_mm=400.0), mount="floor")
+    poses = []
+    for name, mount in (("low", Pose(z_mm=300.0)), ("high", tools.mount_b)):
+        for seq in range(1, 5):
+            [reading], bench = run(stage, of_recording(tools, name, seq, mount, tools.board(1800.0)))
+            pair = bench.get(RectifiedPair)
+            assert pair is not None
+            assert pair.pose is not None
+            poses.append(pair.pose)
+        assert reading.ahead_mm == pytest.approx(1800, rel=0.03), name
+    low, high = poses[3], poses[7]
+    assert poses == [low] * 4 + [high] * 4, "found in the first picture, kept, and found anew in another recording"
+    assert (low.x_mm, low.z_mm, low.pitch_deg) == pytest.approx((450, 300, 0), abs=15)
+    assert high.z_mm == pytest.approx(700, rel=0.1)
+    assert high.pitch_deg == pytest.approx(15, abs=3)
+
+
+def test_where_no_floor_is_found_the_mount_stays_unknown_and_all_that_is_seen_counts(
+    tools: Any, tmp_path: Path
+) -> None:
+    stage = make(tmp_path, Pose(x_mm=450.0, z_mm=400.0), mount="floor")
+    wall = tools.board(800.0)
+    for seq in range(1, 40):
+        [reading], bench = run(stage, of_recording(tools, "wall", seq, tools.mount_a, wall))
+    pair = bench.get(RectifiedPair)
+    assert pair is not None
+    assert pair.pose == Pose(x_mm=450.0)
+    assert reading.ahead_mm == pytest.approx(800, abs=30)
 
 
 def test_the_appearance_mask_gates_the_thesis_mode_only(tools: Any, tmp_path: Path) -> None:

@@ -193,6 +193,28 @@ def test_without_a_mount_it_says_what_to_do(context: Context, worlds: SimpleName
     assert "pose.z_mm" in reading.reason
 
 
+def test_the_mount_of_the_pictures_themselves_comes_before_the_chair_files(
+    context: Context, worlds: SimpleNamespace
+) -> None:
+    world = worlds.World([worlds.Thing(1400, 300, 400, RED)])
+
+    def last(chair: Pose, pictures: Pose | None) -> RangeReading:
+        stage = make(VisionObstacleSettings(), replace(context, pose=chair))
+        for number in range(1, 9):
+            bench = world.see(0.0, number)
+            pair = bench.get(RectifiedPair)
+            assert pair is not None
+            bench.put(replace(pair, pose=pictures))
+            (reading,) = stage.process(bench)
+        assert isinstance(reading, RangeReading)
+        return reading
+
+    assert last(Pose(x_mm=450.0), worlds.pose).ahead_mm == pytest.approx(1400, rel=0.06)
+    unknown = last(worlds.pose, Pose(x_mm=450.0))
+    assert not unknown.can_see
+    assert "no floor has been found" in unknown.reason
+
+
 def test_pictures_and_mask_have_the_pictures_size_and_the_clock_of_the_frame(
     stage: Processor, worlds: SimpleNamespace
 ) -> None:
