@@ -212,6 +212,19 @@ def test_a_second_page_only_looks(tab: Tab, browser: Any, chair: Chair) -> None:
     other.context.close()
 
 
+def test_with_one_switch_the_focus_walks_and_enter_presses(tab: Tab, chair: Chair) -> None:
+    tab.select_option("#scan", "1")
+    wait(tab, "document.activeElement.id === 'stop'")
+    wait(tab, "document.activeElement.id === 'help'")
+    tab.keyboard.press("Enter")
+    chair.read_until(lambda m: isinstance(m, Intent))
+    seen = {tab.evaluate("document.activeElement.id")}
+    for _ in range(20):
+        tab.wait_for_timeout(200)
+        seen.add(tab.evaluate("document.activeElement.id"))
+    assert seen == {"stop", "help", "give"}, "what does nothing now is not offered"
+
+
 def test_the_lease_bar_shrinks_and_what_was_heard_is_shown(tab: Tab, life: Life) -> None:
     life.heard = (
         Wish(

@@ -80,11 +80,16 @@ class Outbox:
         return self._seq
 
     def _put(self, message: Message) -> None:
-        if len(self._waiting) >= MOST_WAITING:  # nobody reads: the lane hangs, so keep what stops
-            kept = [m for m in self._waiting if isinstance(m, Press) and m.button is Button.STOP][-1:]
-            self._waiting = deque(kept)
+        if len(self._waiting) >= MOST_WAITING:  # nobody reads: the lane hangs, so keep only the newest that stop
+            self._waiting = deque([m for m in self._waiting if _stops(m)][-4:])
         self._waiting.append(message)
         self._changed.notify_all()
+
+
+def _stops(message: Message) -> bool:
+    if isinstance(message, Press):
+        return message.button is Button.STOP
+    return isinstance(message, Alive) and not message.well
 
 
 @dataclass(slots=True)

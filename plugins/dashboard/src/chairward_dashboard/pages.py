@@ -133,7 +133,7 @@ class Pages:
 
     async def _send(self, page: Page) -> None:
         """For ever: when the page has room and there is something new, the newest of it."""
-        period_s = 0.8 / self.settings.pictures_hz
+        period_s = 1.0 / self.settings.pictures_hz
         try:
             while True:
                 await page.wake.wait()

@@ -6,7 +6,7 @@ const KEY = "chairward.looks";
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const contrast = matchMedia("(prefers-contrast: more)");
 
-export const looks = { language: "", theme: "auto", large: false, colour: false, sound: false, ...read() };
+export const looks = { language: "", theme: "auto", large: false, colour: false, sound: false, scan: "0", ...read() };
 
 function read() {
   try {
@@ -34,7 +34,7 @@ export function choices(onChange) {
     option.lang = code;
     return option;
   }));
-  const elements = ["language", "theme", "large", "colour", "sound"].map((id) => document.getElementById(id));
+  const elements = ["language", "theme", "scan", "large", "colour", "sound"].map((id) => document.getElementById(id));
   for (const element of elements) {
     const isBox = element.type === "checkbox";
     if (isBox) element.checked = looks[element.id];

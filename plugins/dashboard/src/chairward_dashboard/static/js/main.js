@@ -4,6 +4,7 @@ import { drive, NOTHING } from "./drive.js";
 import { connect, stopButton, stopKeys } from "./link.js";
 import { choices, dress, looks } from "./looks.js";
 import * as panes from "./panes.js";
+import * as scan from "./scan.js";
 import { play } from "./sound.js";
 import { speak } from "./texts.js";
 
@@ -35,8 +36,11 @@ const link = connect({
   },
 });
 
+scan.offer($("scan"));
 choices(() => {
   panes.name();
+  scan.offer($("scan"));
+  scan.walk();
   draw();
 });
 
@@ -60,6 +64,7 @@ async function greet(state) {
   if (!looks.language) {
     await speak(state.language);
     panes.name();
+    scan.offer($("scan"));
   }
   $("language").value = document.documentElement.lang;
 }
@@ -100,6 +105,7 @@ for (const id of ["arm", "reset", "help"]) {
     if ($(id).getAttribute("aria-disabled") !== "true") link.push(id);
   });
 }
+scan.walk();
 $("take").addEventListener("click", () => link.say({ t: "take" }));
 $("give").addEventListener("click", () => {
   mine = false;
