@@ -132,3 +132,15 @@ def test_whatever_happens_answers_are_distances_that_somebody_saw(
             assert found.ahead_mm >= 0
             assert found.seen_ns <= now_ns
             assert not found.remembered or found.ahead_mm <= EDGE * 950
+
+
+def test_what_reaches_above_the_camera_and_is_out_of_sight_has_gone_aside_and_is_not_carried() -> None:
+    tracker, now_ns = track(), 0
+    for _ in range(6):
+        now_ns += 66 * MS
+        found = tracker.step(now_ns, Sighting(700.0, tall=True), STILL)
+    assert found is not None
+    for _ in range(12):
+        now_ns += 66 * MS
+        found = tracker.step(now_ns, None, STILL)
+    assert found is None

@@ -32,11 +32,15 @@ NEAR_QUANTILE = 0.15
 
 
 class Sighting(NamedTuple):
-    """Something ahead, mm from the footprint; cut: the picture's edge cuts it off, so it is at most so far."""
+    """Something ahead, mm from the footprint; cut: the picture's edge cuts it off, so it is at most so far.
+
+    tall: it reaches above the camera's own height, so it can leave the view only sideways, never downwards.
+    """
 
     ahead_mm: float
     cut: bool = False
     label: str = "obstacle"
+    tall: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,14 +93,14 @@ def _sighting(region: Bools, unlike: Bools, stereo_mm: Floats, ground: Ground) -
     low_rows = round(LOW_MM / _width_mm(foot[0], ground))
     grown = cv2.dilate(region.astype(np.uint8), np.ones((low_rows + 1, 1), np.uint8), anchor=(0, low_rows)) > 0
     row, foot_mm = _foot((region | (grown & unlike)) & ground.corridor, ground) or foot
+    tall = bool(region[: ground.horizon_row].any())
     if row < ground.bottom - 2:
         agree = NEARER * near_mm <= foot_mm <= FARTHER * near_mm
-        return Sighting(min(foot_mm, near_mm)) if agree else None
+        return Sighting(min(foot_mm, near_mm), tall=tall) if agree else None
     # The foot is below the picture: nearer than the nearest floor seen. Only what rises above the horizon can be
     # told from a stain that reaches down to the picture's edge.
-    rises = bool(region[: ground.horizon_row].any())
-    if rises and near_mm <= ground.nearest_mm * FARTHER:
-        return Sighting(min(near_mm, ground.nearest_mm))
+    if tall and near_mm <= ground.nearest_mm * FARTHER:
+        return Sighting(min(near_mm, ground.nearest_mm), tall=True)
     return None
 
 

@@ -34,12 +34,16 @@ APPROACH = 6
 
 @dataclass(frozen=True, slots=True)
 class Tracked:
-    """The nearest confirmed thing, mm from the footprint. remembered: it is under the camera's view."""
+    """The nearest confirmed thing, mm from the footprint. remembered: it is under the camera's view.
+
+    tall: it cannot get there, for it reaches above the camera: out of sight, it has gone aside.
+    """
 
     ahead_mm: float
     seen_ns: int
     label: str
     remembered: bool = False
+    tall: bool = False
 
 
 class Track:
@@ -71,7 +75,7 @@ class Track:
         if carried is None or self._is_over(carried, now_ns):
             self._carried = None
             return current
-        if not carried.remembered and carried.ahead_mm <= self._nearest_mm:
+        if not carried.remembered and not carried.tall and carried.ahead_mm <= self._nearest_mm:
             self._carried = carried = replace(carried, remembered=True)
         if carried.remembered or (current is None and now_ns - carried.seen_ns <= COAST_S * 1e9):
             return carried
@@ -106,7 +110,7 @@ class Track:
         if agree < self._confirm:
             return None
         self._approach.append((now_ns, newest.ahead_mm))
-        return Tracked(newest.ahead_mm, now_ns, newest.label)
+        return Tracked(newest.ahead_mm, now_ns, newest.label, tall=newest.tall)
 
     def _approach_mm_s(self) -> float:
         """How fast the thing came nearer over its last sightings; 0 where too few, or too far apart, to tell."""
