@@ -110,6 +110,15 @@ class Chair:
                     return message
         raise AssertionError(f"not read within {within_s} s")
 
+    def alive_through(self, page: Page) -> None:
+        """The page takes control (again, if it was silent) and beats like a real one until the lane reads it."""
+        end = time.monotonic() + 10.0
+        while time.monotonic() < end:
+            page.take()
+            if any(isinstance(m, Alive) and m.well for m in self.read_for(0.1)):
+                return
+        raise AssertionError("no heartbeat of the page was read within 10 s")
+
     def read_for(self, seconds: float) -> list[Message]:
         """All that the lane reads in that time."""
         end = time.monotonic() + seconds

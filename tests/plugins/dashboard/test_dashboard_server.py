@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import random
 import socket
 import time
 from collections.abc import Callable
@@ -134,8 +135,7 @@ def test_alive_is_said_only_while_the_controlling_page_beats(chair: Chair, open_
 
 def test_closing_the_page_says_at_once_that_the_stop_device_is_gone(chair: Chair, open_page: OpenPage) -> None:
     page = open_page()
-    page.take()
-    chair.read_until(well)
+    chair.alive_through(page)
     page.beat()
     page.close()
     gone = chair.read_until(not_well)
@@ -145,8 +145,7 @@ def test_closing_the_page_says_at_once_that_the_stop_device_is_gone(chair: Chair
 
 def test_a_hidden_page_is_no_stop_device_and_arms_nothing(chair: Chair, open_page: OpenPage) -> None:
     page = open_page()
-    page.take()
-    chair.read_until(well)
+    chair.alive_through(page)
     page.say(t="hidden")
     chair.read_until(not_well)
     page.say(t="push", button="arm")
@@ -168,8 +167,7 @@ def test_buttons_of_the_controlling_page_reach_the_lane(chair: Chair, open_page:
 
 def test_of_two_pages_one_controls_and_both_can_stop(chair: Chair, open_page: OpenPage) -> None:
     first, second = open_page(), open_page()
-    first.take()
-    chair.read_until(well)
+    chair.alive_through(first)
     second.take()
     second.say(t="push", button="arm")
     you = second.bundle_until(lambda head: bool(head["you"]["refused"]))["you"]
@@ -180,8 +178,7 @@ def test_of_two_pages_one_controls_and_both_can_stop(chair: Chair, open_page: Op
 
 def test_control_changes_hands_only_through_a_stop(chair: Chair, open_page: OpenPage) -> None:
     first, second = open_page(), open_page()
-    first.take()
-    chair.read_until(well)
+    chair.alive_through(first)
     first.say(t="give")
     second.bundle_until(lambda head: head["you"]["free"])
     second.take()
@@ -235,9 +232,33 @@ def test_a_malformed_message_closes_its_page_and_touches_no_other(
     good.take()
     bad.socket.send(words)
     assert closed_with(bad) == 1008
-    good.beat()
-    chair.read_until(well)
-    assert good.bundle()[0]["you"]["controls"]
+    chair.alive_through(good)
+    good.bundle_until(lambda head: head["you"]["controls"])
+
+
+def test_a_hundred_pages_of_malformed_messages_take_nothing_from_the_one_that_controls(
+    chair: Chair, open_page: OpenPage
+) -> None:
+    good = open_page()
+    good.say(t="take")
+    rng = random.Random(7)
+    words = ['{"t":"push","button":"arm"}', '{"t":"beat","at_ms":1e3}', '{"t":"look","panes":["left"],"large":true}']
+    for nth in range(100):
+        bad = open_page()
+        for _ in range(10):
+            word = list(rng.choice(words))
+            for _ in range(rng.randint(1, 4)):
+                word[rng.randrange(len(word))] = chr(rng.randrange(1, 0x2FF))
+            try:
+                bad.socket.send("".join(word))
+            except ConnectionClosed:
+                break  # the first malformed one ends it, what follows was on its way
+        bad.close()
+        if nth % 10 == 0:
+            chair.alive_through(good)
+    assert not any(isinstance(m, Press) for m in chair.read_for(0.2))
+    good.say(t="push", button="stop")
+    chair.read_until(is_press(Button.STOP))
 
 
 def test_an_oversized_message_closes_its_page(chair: Chair, open_page: OpenPage) -> None:
@@ -245,8 +266,7 @@ def test_an_oversized_message_closes_its_page(chair: Chair, open_page: OpenPage)
     bad.socket.send(json.dumps({"t": "look", "panes": ["x" * 1_000_000]}))
     assert closed_with(bad) == 1009
     good = open_page()
-    good.take()
-    chair.read_until(well)
+    chair.alive_through(good)
 
 
 def _flood(page: Page) -> None:
@@ -263,15 +283,13 @@ def test_a_flooding_page_is_closed_and_the_lane_stays_quiet(chair: Chair, open_p
     seconds = time.monotonic() - began + 0.5
     presses = [m for m in chair.read_for(0.5) if isinstance(m, Press)]
     assert 1 <= len(presses) <= 20 * seconds + 2, "the same press again within 50 ms says nothing new"
-    good.beat()
-    chair.read_until(well)
+    chair.alive_through(good)
 
 
 def test_more_pages_than_allowed_are_turned_away(chair: Chair, open_page: OpenPage) -> None:
     pages = [open_page() for _ in range(DashboardSettings().pages)]
     assert closed_with(open_page()) == 1013
-    pages[0].take()
-    chair.read_until(well)
+    chair.alive_through(pages[0])
 
 
 def test_half_open_connections_and_slow_requests_lose_nothing(chair: Chair, open_page: OpenPage) -> None:
@@ -281,8 +299,7 @@ def test_half_open_connections_and_slow_requests_lose_nothing(chair: Chair, open
         for end in idle[::2]:
             end.sendall(b"GET / HTTP/1.1\r\nHost: ")
         page = open_page()
-        page.take()
-        chair.read_until(well)
+        chair.alive_through(page)
         page.say(t="push", button="stop")
         chair.read_until(is_press(Button.STOP))
         idle[0].settimeout(20.0)
@@ -327,8 +344,7 @@ class TestOnANetwork:
             token = client.cookies["chairward"]
         address = url.removeprefix("http://").removesuffix("/")
         page = page_at(address, additional_headers={"Cookie": f"chairward={token}"})
-        page.take()
-        chair.read_until(well)
+        chair.alive_through(page)
         page.close()
 
     def test_five_wrong_codes_make_a_new_one_and_pairing_rests(self, chair: Chair) -> None:
@@ -353,6 +369,15 @@ def test_a_taken_port_is_a_lost_device_with_a_sentence(chair: Chair) -> None:
     port = int(chair.address.split(":")[1])
     with pytest.raises(DeviceLost, match=rf"cannot listen on 127.0.0.1:{port} .*dashboard.port"):
         Dashboard(DashboardSettings(port=port), chair.context).open()
+
+
+def test_closing_with_pages_open_takes_less_than_the_supervisor_waits(chair: Chair, open_page: OpenPage) -> None:
+    for _ in range(3):
+        open_page().take()
+    chair.read_until(well)
+    began = time.monotonic()
+    chair.source.close()
+    assert time.monotonic() - began < 2.0
 
 
 def test_closed_and_opened_again_it_goes_on_with_a_rising_sequence(chair: Chair, page_at: OpenPage) -> None:
