@@ -15,6 +15,7 @@ from chairward.components import Pose
 from chairward_simulator import scene, textures
 from chairward_simulator.home import PERSON_RADIUS_MM, Home, obstacles, wall_as_box
 from chairward_simulator.nearness import touching
+from chairward_simulator.render import NEAR_MM
 
 POSE = Pose(x_mm=450.0, z_mm=400.0)
 
@@ -97,6 +98,8 @@ def test_depth_of_any_pixel_from_any_pose_is_the_analytic_ray(home, x, y, headin
     rng = np.random.default_rng(seed)
     for row, column in zip(rng.integers(0, 240, 40), rng.integers(0, 320, 40), strict=True):
         expected = cast(home, person, at, ray(row, column))
+        if expected < 2.0 * NEAR_MM:
+            continue  # the lens is at the wall: nearer than the renderer draws, and than any chair's feet let it come
         if abs(depth[row, column] - expected) > 1e-6 * expected:  # on an edge either side is right
             near = [cast(home, person, at, ray(row + dr, column + dc)) for dr in (-1e-6, 1e-6) for dc in (-1e-6, 1e-6)]
             assert min(near) - 1e-3 <= depth[row, column] <= max(near) + 1e-3
