@@ -6,16 +6,13 @@ and started again with back-off, in a process group of its own. When the guard e
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import os
 import select
-import signal
 import socket
 import subprocess
-import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -24,6 +21,7 @@ import msgspec
 from chairward import frames, plan, records, wire
 from chairward.options import BesideOptions, GuardOptions, LaneOptions
 from chairward.plan import LanePlan, Plan
+from chairward.processes import how, kill_group, last_words, spawn, terminate, wait_all
 from chairward.realtime import a_little_ahead
 
 log = logging.getLogger(__name__)
@@ -108,25 +106,12 @@ class Supervisor:
 
     # ---- starting -------------------------------------------------------------------------------------------------
 
-    def _spawn(self, module: str, options: msgspec.Struct, name: str, fds: list[int]) -> subprocess.Popen[bytes]:
-        """A Python process in a group of its own, with these descriptors and a log file for what it says."""
-        with (self.run_dir / f"{name}.log").open("ab") as log_file:
-            return subprocess.Popen(
-                [sys.executable, "-m", module, msgspec.json.encode(options).decode()],
-                pass_fds=fds,
-                process_group=0,
-                stdin=subprocess.DEVNULL,
-                stdout=log_file,
-                stderr=log_file,
-                env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"},
-            )
-
     def _start_companions(self) -> None:
         waiting: dict[int, str] = {}
         for name in self.plan.companions:
             ours, theirs = os.pipe()
             options = BesideOptions(str(self._plan_file), str(self.run_dir), "companion", name, theirs)
-            self.companions[name] = self._spawn("chairward.beside", options, name, [theirs])
+            self.companions[name] = spawn(self.run_dir, "chairward.beside", options, name, [theirs])
             os.close(theirs)
             waiting[ours] = name
         end = time.monotonic() + COMPANION_READY_S
@@ -138,7 +123,7 @@ class Supervisor:
                     said = os.read(fd, 16)
                     os.close(fd)
                     if not said:
-                        raise RunError(f"companion '{name}' could not start: {self._last_words(name)}")
+                        raise RunError(f"companion '{name}' could not start: {last_words(self.run_dir, name)}")
                 if time.monotonic() > end:
                     names = ", ".join(waiting.values())
                     raise RunError(f"companion '{names}' was not ready within {COMPANION_READY_S:.0f} s")
@@ -156,7 +141,7 @@ class Supervisor:
         for name in self.plan.observers:
             ours, theirs = wire.pair(RECORD_BUFFER_BYTES)
             options = BesideOptions(str(self._plan_file), str(self.run_dir), "observer", name, theirs.fileno())
-            self.observers[name] = self._spawn("chairward.beside", options, name, [theirs.fileno()])
+            self.observers[name] = spawn(self.run_dir, "chairward.beside", options, name, [theirs.fileno()])
             theirs.close()
             outs.append(ours)
         self._records, ours = wire.pair(RECORD_BUFFER_BYTES)
@@ -170,7 +155,7 @@ class Supervisor:
             observers=[end.fileno() for end in outs],
         )
         passed = [control, *guard_ends.values(), *outs]
-        self._guard = self._spawn("chairward.guard", options_, "guard", [end.fileno() for end in passed])
+        self._guard = spawn(self.run_dir, "chairward.guard", options_, "guard", [end.fileno() for end in passed])
         for end in passed:
             end.close()  # or their end would never read as closed
 
@@ -195,7 +180,7 @@ class Supervisor:
             rings=rings,
         )
         fds = [*(end.fileno() for end in passed), self.rings[lane.name], *rings.values()]
-        process = self._spawn("chairward.lane", options, f"lane-{lane.name}", fds)
+        process = spawn(self.run_dir, "chairward.lane", options, f"lane-{lane.name}", fds)
         for end in passed:
             end.close()  # or their end would never read as closed
         for fd in rings.values():
@@ -239,15 +224,15 @@ class Supervisor:
                 self._watch_lane(lane, now)
             for name, process in self.companions.items():
                 if process.poll() is not None:
-                    self.stop(f"companion '{name}' ended: {self._last_words(name)}")
+                    self.stop(f"companion '{name}' ended: {last_words(self.run_dir, name)}")
             for name, process in self.observers.items():
                 if process.poll() is not None and name not in self._told:
                     self._told.add(name)
-                    self._note(f"observer '{name}' {_how(process.returncode)}: {self._last_words(name)}")
+                    self._note(f"observer '{name}' {how(process.returncode)}: {last_words(self.run_dir, name)}")
             if now - self._record_s > GUARD_HANG_S:
                 self.stop(f"the guard has said nothing for {GUARD_HANG_S:.0f} s")
             if self._guard.poll() is not None:
-                self.stop(f"the guard ended: {self._last_words('guard')}")
+                self.stop(f"the guard ended: {last_words(self.run_dir, 'guard')}")
             if end_s is None and for_s is not None and all(x.items or x.deaths or x.lost for x in self.lanes.values()):
                 end_s = now + for_s
             if end_s is not None and now >= end_s:
@@ -302,14 +287,14 @@ class Supervisor:
         if code is not None:
             if code == 0 and self._stop:
                 return
-            reason = f"its process {_how(code)}: {self._last_words(f'lane-{lane.plan.name}')}"
+            reason = f"its process {how(code)}: {last_words(self.run_dir, f'lane-{lane.plan.name}')}"
         elif lane.items and now - lane.beat_s > LANE_HANG_S:
             reason = f"its process has not moved for {LANE_HANG_S:.0f} s"
         elif not lane.items and now - max(lane.started_s, lane.beat_s) > LANE_START_S:
             reason = f"its process was not ready within {LANE_START_S:.0f} s"
         if not reason:
             return
-        _kill_group(lane.process)  # with what it may have started; reaped by a later poll, never waited for
+        kill_group(lane.process)  # with what it may have started; reaped by a later poll, never waited for
         if now - lane.started_s > FORGIVEN_S:
             lane.deaths_in_a_row = 0
         pause_s = BACK_OFF_S[min(lane.deaths_in_a_row, len(BACK_OFF_S) - 1)]
@@ -345,7 +330,7 @@ class Supervisor:
         assert self._control is not None
         guard_end, records_end = self._start_lane(lane.plan)
         if not wire.send_control(self._control, wire.Attach(lane.plan.name), [guard_end.fileno()]):
-            _kill_group(lane.process)  # the guard does not know it: try again
+            kill_group(lane.process)  # the guard does not know it: try again
         guard_end.close()
         if records_end is not None:
             wire.send_control(self._control, wire.Observe(), [records_end.fileno()])
@@ -355,30 +340,20 @@ class Supervisor:
         log.warning("%s", text)
         self.events.append(text)
 
-    def _last_words(self, name: str) -> str:
-        """The last line a process wrote: usually the error that ended it."""
-        path = self.run_dir / f"{name}.log"
-        if not path.exists():
-            return "it said nothing"
-        with path.open("rb") as log_file:
-            log_file.seek(max(0, path.stat().st_size - 4096))
-            lines = [line.strip() for line in log_file.read().decode(errors="replace").splitlines() if line.strip()]
-        return lines[-1][:300] if lines else "it said nothing"
-
     # ---- ending ---------------------------------------------------------------------------------------------------
 
     def _end(self) -> int:
         """The chair first, then lanes, then companions; whoever does not leave in time is killed by its group."""
         code = self._end_guard()
         for lane in self.lanes.values():
-            _terminate(lane.process)
-        _wait_all({f"lane '{n}'": x.process for n, x in self.lanes.items()}, 2.0, self._note)
+            terminate(lane.process)
+        wait_all({f"lane '{n}'": x.process for n, x in self.lanes.items()}, 2.0, self._note)
         if self.companions:
             time.sleep(COMPANIONS_OUTLIVE_S)  # a simulated controller must see the silence, as a real one would
         for process in self.companions.values():
-            _terminate(process)
-        _wait_all({f"companion '{n}'": p for n, p in self.companions.items()}, 5.0, self._note)
-        _wait_all({f"observer '{n}'": p for n, p in self.observers.items()}, 5.0, self._note)
+            terminate(process)
+        wait_all({f"companion '{n}'": p for n, p in self.companions.items()}, 5.0, self._note)
+        wait_all({f"observer '{n}'": p for n, p in self.observers.items()}, 5.0, self._note)
         for lane in self.lanes.values():
             lane.control.close()
         for fd in self.rings.values():
@@ -405,35 +380,3 @@ class Supervisor:
             return self._guard.wait(2.0)
         except subprocess.TimeoutExpired:
             return 1
-
-
-def _terminate(process: subprocess.Popen[bytes]) -> None:
-    if process.poll() is None:
-        process.terminate()
-        os.kill(process.pid, signal.SIGCONT)  # a stopped process could not leave
-
-
-def _kill_group(process: subprocess.Popen[bytes]) -> None:
-    """The process and all that it has started."""
-    with contextlib.suppress(ProcessLookupError):
-        os.killpg(process.pid, signal.SIGKILL)
-
-
-def _wait_all(processes: Mapping[str, subprocess.Popen[bytes]], seconds: float, note: Callable[[str], None]) -> None:
-    """Wait so long for all together; then end what is left of each, children included."""
-    end = time.monotonic() + seconds
-    for name, process in processes.items():
-        try:
-            process.wait(max(0.01, end - time.monotonic()))
-        except subprocess.TimeoutExpired:
-            note(f"{name} did not leave in time and was killed")
-        _kill_group(process)
-        try:
-            process.wait(1.0)
-        except subprocess.TimeoutExpired:
-            note(f"{name} cannot be ended: it waits for a device")
-
-
-def _how(code: int) -> str:
-    """How a process ended, in words."""
-    return f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
