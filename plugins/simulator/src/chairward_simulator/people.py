@@ -8,6 +8,11 @@ from math import atan2, degrees, hypot
 from chairward_simulator.home import Person, Point
 
 
+MET_WITHIN_MM = 1200.0
+"""Only a chair that has come to rest this near has met the person; one that hesitates farther away is waited for."""
+STANDS_AT_MOST_S = 15.0
+
+
 @dataclass(slots=True)
 class Walker:
     """Where the person is and what they are about: waiting, coming, standing, leaving, gone."""
@@ -19,6 +24,7 @@ class Walker:
     facing_deg: float = 90.0
     walked_mm: float = 0.0
     rested_s: float = 0.0
+    stood_s: float = 0.0
 
     @classmethod
     def at_start(cls, plan: Person) -> Walker:
@@ -37,8 +43,10 @@ class Walker:
         elif self.doing == "coming" and self._walk(self.plan.stand_at, dt_s, room_mm):
             self.doing = "standing"
         elif self.doing == "standing":
-            self.rested_s = self.rested_s + dt_s if abs(chair_speed_mm_s) < 10.0 else 0.0
-            if self.rested_s >= self.plan.stands_s:
+            self.stood_s += dt_s
+            met = abs(chair_speed_mm_s) < 10.0 and room_mm < MET_WITHIN_MM
+            self.rested_s = self.rested_s + dt_s if met else 0.0
+            if self.rested_s >= self.plan.stands_s or self.stood_s >= STANDS_AT_MOST_S:
                 self.doing = "leaving"
         elif self.doing == "leaving" and self._walk(self.plan.leave_to, dt_s, room_mm):
             self.doing = "gone"
