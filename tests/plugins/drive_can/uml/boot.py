@@ -24,11 +24,10 @@ BOOT_WITHIN_S = 300
 
 INIT = """#!{busybox} sh
 B={busybox}
-export PATH=/usr/local/bin:/usr/bin:/bin:/usr/sbin:/sbin HOME=/tmp TMPDIR=/tmp CI= CHAIRWARD_VCAN=vcan0
+export PATH=/usr/local/bin:/usr/bin:/bin:/usr/sbin:/sbin HOME={scratch} TMPDIR={scratch} CI= CHAIRWARD_VCAN=vcan0
 $B mount -t proc proc /proc
 $B mount -t sysfs sys /sys
-$B mount -t tmpfs tmp /dev/shm
-$B mount -t tmpfs tmp /tmp
+$B mount -t tmpfs tmp {scratch}
 for module in {modules}; do $B insmod $module || echo "insmod $module failed"; done
 $B ip link set lo up
 $B ip link add dev vcan0 type vcan && $B ip link set vcan0 up
@@ -63,8 +62,11 @@ def run(command: str) -> subprocess.CompletedProcess[str]:
     version = next((PLACE / "usr" / "lib" / "uml" / "modules").iterdir())
     modules = " ".join(str(version / "kernel" / f"{module}.ko") for module in MODULES)
     with tempfile.TemporaryDirectory() as folder:
-        init = Path(folder) / "init.sh"
-        init.write_text(INIT.format(busybox=BUSYBOX, modules=modules, root=ROOT, command=command, good=GOOD))
+        init, scratch = Path(folder) / "init.sh", Path(folder) / "scratch"
+        scratch.mkdir()  # its own, in memory: mounting over /tmp would hide a checkout that is there
+        init.write_text(
+            INIT.format(busybox=BUSYBOX, modules=modules, root=ROOT, scratch=scratch, command=command, good=GOOD)
+        )
         init.chmod(0o755)
         return subprocess.run(
             [
