@@ -7,7 +7,6 @@ from math import atan2, degrees, hypot
 
 from chairward_simulator.home import Person, Point
 
-
 MET_WITHIN_MM = 1200.0
 """Only a chair that has come to rest this near has met the person; one that hesitates farther away is waited for."""
 STANDS_AT_MOST_S = 15.0
