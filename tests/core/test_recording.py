@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,9 +22,10 @@ from chairward.components import Context, Footprint, Motion
 from chairward.facts import MS, Facts, Limits, State, Wish
 from chairward.messages import Command, DriveStatus, RangeReading
 from chairward.plan import ChairKind, LanePlan, Part, Plan
-from chairward.recording import PLAN_TOPIC, RECORDS_TOPIC, Recorder, RecorderSettings, messages, read
+from chairward.recording import PINS_TOPIC, PLAN_TOPIC, RECORDS_TOPIC, Recorder, RecorderSettings, messages, read
 from chairward.records import Record
 from chairward.replay import Replayed, read_plan, replay
+from chairward.shared_state import SharedState
 
 LIMITS = Limits(steer_deg_s=5.0)
 
@@ -225,3 +227,14 @@ def test_a_file_that_is_no_recording_is_named(tmp_path: Path) -> None:
     path.write_bytes(b"not a recording at all")
     with pytest.raises(McapError, match=r"holiday\.mcap: not a recording"):
         list(read(path))
+
+
+def test_the_pins_of_a_simulated_controller_are_recorded_beside_each_decision(tmp_path: Path) -> None:
+    pins = SharedState.create(tmp_path / "pins", ("drive_duty", "brake"))
+    recorder = Recorder(RecorderSettings(path=Path("p.mcap")), Context(lane="r", run_dir=tmp_path, chair_dir=tmp_path))
+    for nth, record in enumerate(some_records(5)):
+        pins.write(drive_duty=nth / 10, brake=0.0)
+        recorder.observe(records.encode(record))
+    recorder.close()
+    got = [json.loads(data) for data in messages(tmp_path / "p.mcap", PINS_TOPIC)]
+    assert [values["drive_duty"] for values in got] == [0.0, 0.1, 0.2, 0.3, 0.4]

@@ -3,7 +3,8 @@
 An observer like any other, in a process of its own; what it missed is in the records themselves (`missed`).
 MCAP chunks are written out every half second, so a power cut loses at most what came after the last one; a file
 that was cut gives everything before the cut. Channel "records" holds msgpack of `chairward.records.Record`, channel
-"decisions" the readable part as JSON for Foxglove and the like.
+"decisions" the readable part as JSON for Foxglove and the like, and "pins" what the pins of a simulated controller were
+at each decision (where there is one): what was decided beside what the wheels were really told.
 """
 
 from __future__ import annotations
@@ -25,11 +26,15 @@ from pydantic import Field
 from chairward import records
 from chairward.components import Context, Settings
 from chairward.records import Record
+from chairward.shared_state import SharedState
 
 FLUSH_S = 0.5
 RECORDS_TOPIC = "chairward/records"
 DECISIONS_TOPIC = "chairward/decisions"
 PLAN_TOPIC = "chairward/plan"
+PINS_TOPIC = "chairward/pins"
+PINS_FILE = "pins"
+"""Where a simulated controller publishes its pins, in the run's folder."""
 
 
 class RecorderSettings(Settings):
@@ -49,6 +54,9 @@ class Recorder:
         schema = self._writer.register_schema("chairward.Decision", "jsonschema", _decision_schema())
         self._decisions = self._writer.register_channel(DECISIONS_TOPIC, "json", schema)
         plan_channel = self._writer.register_channel(PLAN_TOPIC, "json", 0)
+        self._pins_channel = self._writer.register_channel(PINS_TOPIC, "json", 0)
+        self._pins_file = context.run_dir / PINS_FILE
+        self._pins: SharedState | None = None
         now = time.time_ns()
         self._offset_ns = now - time.monotonic_ns()
         plan_file = context.run_dir / "plan.json"
@@ -63,14 +71,30 @@ class Recorder:
         self._writer.add_message(self._records, at, record, at, whole.tick % 2**32)
         readable = {"tick": whole.tick, "drive": whole.facts.drive, "decision": whole.decision}
         self._writer.add_message(self._decisions, at, msgspec.json.encode(readable), at, whole.tick % 2**32)
+        if (pins := self._read_pins()) is not None:
+            self._writer.add_message(self._pins_channel, at, msgspec.json.encode(pins), at, whole.tick % 2**32)
         now = time.monotonic()
         if now - self._flushed_s >= FLUSH_S:
             self._flushed_s = now  # a flush ends the chunk: a file that is cut later can be read up to here
             self._writer.flush()  # type: ignore[no-untyped-call]
             self._file.flush()
 
+    def _read_pins(self) -> dict[str, float] | None:
+        """The simulated controller's pins now; None without one, or when it died in the middle of writing them."""
+        if self._pins is None:
+            if not self._pins_file.exists():
+                return None
+            self._pins = SharedState.attach(self._pins_file)
+        try:
+            return self._pins.read()
+        except TimeoutError:
+            return None
+
     def close(self) -> None:
         """Write the index and close."""
+        if self._pins is not None:
+            self._pins.close()
+            self._pins = None
         if not self._file.closed:
             self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.close()
