@@ -18,6 +18,8 @@ from chairward_drive_can.frames import Frame
 from chairward_drive_can.partners.rnet import RnetChair
 from chairward_drive_can.partners.run import AdapterPty, serve
 
+pytestmark = pytest.mark.processes  # in real time: a host that is late is rightly not driven on
+
 HOST = Path(__file__).parent / "host.py"
 WAIT_S = 20.0
 

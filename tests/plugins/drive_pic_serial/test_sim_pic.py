@@ -18,6 +18,8 @@ from chairward_drive_pic_serial import wire
 from chairward_drive_pic_serial.commands import probe
 from chairward_drive_pic_serial.sim_pic import PIN_NAMES
 
+pytestmark = pytest.mark.processes  # in real time
+
 SIM = """
 import sys, time
 from pathlib import Path

@@ -31,6 +31,8 @@ PINS = (
     "fault",
 )
 
+pytestmark = pytest.mark.processes  # in real time
+
 
 @contextmanager
 def running(run_dir: Path, **settings: object) -> Iterator[SharedState]:
