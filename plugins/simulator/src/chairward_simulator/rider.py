@@ -106,6 +106,10 @@ class Rider(Speaker):
         if (yield from self._order(word)):
             yield from self._until_still(for_s=0.12)
 
+    def _far(self) -> bool:
+        """Nothing ahead is so near that the chair is about to avoid it."""
+        return self.view.ahead_mm > 1000.0
+
     def _drive_until(self, stopped_by: str) -> Steps:
         """Forward until the chair stops by itself before the thing meant; a person is waited for."""
         for _ in range(GIVE_UP_AFTER):
@@ -113,7 +117,8 @@ class Rider(Speaker):
                 break
             if abs(self._off_course()) > HALF_STEP_DEG:
                 yield from self._turn(self._course_deg)
-            if (yield from self._cruise(lambda: abs(self._off_course()) > HALF_STEP_DEG + 4.0)):
+            # Near a thing the chair turns slightly by itself; nobody says "stop" for that.
+            if (yield from self._cruise(lambda: abs(self._off_course()) > HALF_STEP_DEG + 4.0 and self._far())):
                 yield from self._halt()
                 continue
             yield from self._wait(0.3)
