@@ -30,13 +30,12 @@ from chairward.messages import (
     Veto,
 )
 from chairward.plan import LanePlan
+from chairward.rules import FUTURE_LIMIT_NS
+from chairward.scene import WINDOW
 from chairward.wire import MAX_MESSAGE_BYTES, decode_parcel
 
-FUTURE_LIMIT_NS = 5 * MS
 TOO_LATE_NS = 1_000 * MS
 """A word or press older than this when it arrives (its process hung) is not obeyed; STOP and HELP always are."""
-WINDOW = 3
-"""Readings kept of each sensor: the nearest of them is the whole debounce."""
 HEARD_LIMIT = 16
 """Wishes and presses kept between two decisions; of more, a stop is never the one dropped."""
 
