@@ -35,7 +35,7 @@ def test_a_record_of_a_decision_replays_to_the_same_decision() -> None:
     state, facts, limits = now(ahead_mm=700, left_mm=900)
     after, decision = decide(state, facts, limits)
     record = records.Record(
-        tick=1, due_ns=1, woke_ns=1, wrote_ns=1, periodic=True, limits_id="", before=state, facts=facts, after=after,
+        tick=1, due_ns=1, woke_ns=1, wrote_ns=1, periodic=True, before=state, facts=facts, after=after,
         decision=decision,
     )  # fmt: skip
     kept = records.decode(records.encode(record))

@@ -12,7 +12,6 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
 
     tick: the guard's count of decisions. due_ns, woke_ns: when the tick was due and when the guard was awake
     (equal for a decision that a message brought about). wrote_ns: when the drive had been told.
-    limits_id: no longer written; the limits themselves are in the plan at the start of a recording.
     before, facts, after, decision: decide(before, facts, limits) == (after, decision).
     frame: the bytes that went on the wire, if the drive tells. missed: records that this observer did not get before.
     """
@@ -22,7 +21,6 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
     woke_ns: int
     wrote_ns: int
     periodic: bool
-    limits_id: str = ""
     before: State
     facts: Facts
     after: State

@@ -83,7 +83,6 @@ def feed(end: float, writer: frames.FrameWriter, to: socket.socket) -> None:
             woke_ns=now_ns,
             wrote_ns=now_ns,
             periodic=True,
-            limits_id="x",
             before=State(),
             facts=facts,
             after=State(),

@@ -82,7 +82,6 @@ class Chair:
             woke_ns=now_ns,
             wrote_ns=now_ns,
             periodic=True,
-            limits_id="test",
             before=self.state,
             facts=facts,
             after=after,
