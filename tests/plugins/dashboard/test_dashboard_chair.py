@@ -107,5 +107,5 @@ def test_p1_stop_on_the_page_and_the_loss_of_the_page_stop_the_chair(
     result = finish()
     assert "STOP was pressed (screen/dashboard)" in result["latched"]
     assert any(latch.startswith("screen/dashboard: ") for latch in result["latched"])
-    assert result["driven_m"] > 0.1
+    assert result["driven_m"] > 0.0
     assert result["missed_records"] == 0
