@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from chairward.cli import doctor, plugins, profile, replay, run, sim
+from chairward.cli import check, doctor, plugins, profile, replay, run, sim
 from chairward.plugins import discover
 
 app = typer.Typer(
@@ -25,6 +25,7 @@ app.command("plugins")(plugins.plugins)
 app.command("doctor")(doctor.doctor)
 app.command("replay")(replay.replay)
 app.add_typer(profile.app, name="profile")
+app.add_typer(check.app, name="check")
 
 
 def main() -> None:
