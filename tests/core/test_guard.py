@@ -224,9 +224,13 @@ def test_a_command_that_was_decided_too_long_ago_goes_out_as_a_stop() -> None:
     with rig() as r:
         r.drive_off()
         r.drive.told.clear()
+        before = len(r.records)
         r.drive.stall_s = 0.3
         r.live(lambda: r.drive.stall_s == 0.0 and bool(r.drive.told), "a command after the stall")
         assert r.drive.told[0] == ("command", STILL, True)
+        late = next(one for one in r.records[before:] if one.told_hard)
+        assert late.decision.motion != STILL, "the record tells the decision as it was made"
+        assert late.told == STILL, "and what the drive was told instead"
         r.live(lambda: "clock" in r.last.decision.latch, "the gap to latch")
 
 

@@ -138,6 +138,7 @@ class Drive(Protocol):
     """The way to the wheels; lives in the guard. No call may ever block: the guard's tick waits for none of them.
 
     Every method but close may raise DriveError (one sentence); the guard then stops, latches and reconnects.
+    A drive may have an attribute `last_frame` (bytes): what it last put on the wire, which goes into the record.
     """
 
     period_ns: int

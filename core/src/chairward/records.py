@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
+from chairward.components import Motion
 from chairward.facts import Decision, Facts, State
 
 
@@ -13,7 +14,10 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
     tick: the guard's count of decisions. due_ns, woke_ns: when the tick was due and when the guard was awake
     (equal for a decision that a message brought about). wrote_ns: when the drive had been told.
     before, facts, after, decision: decide(before, facts, limits) == (after, decision).
-    frame: the bytes that went on the wire, if the drive tells. missed: records that this observer did not get before.
+    told, told_hard: what the drive was last told, after this decision: not the decision's own motion where a rise
+    waits for the tick, or where the decision came too late and the guard said STILL (None: recorded before 0.2).
+    frame: the bytes that went on the wire for it, if the drive tells. missed: records that this observer did not get
+    before this one.
     """
 
     tick: int
@@ -27,6 +31,9 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
     decision: Decision
     newest_sent_ns: int = 0
     missed: int = 0
+    told: Motion | None = None
+    told_hard: bool = False
+    frame: bytes = b""
 
 
 _encoder = msgspec.msgpack.Encoder()

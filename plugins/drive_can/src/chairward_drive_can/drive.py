@@ -46,6 +46,7 @@ class CanDrive:
         self._retry, self._retry_at_ns = 0, 0
         self._forget()
         self._sent = 0
+        self.last_frame = b""
         self._fault = ""
 
     def _forget(self) -> None:
@@ -195,6 +196,7 @@ class CanDrive:
             self._lost(error)
         self._sent += 1
         self._stuck_since_ns = 0
+        self.last_frame = str(frame).encode()
         return True
 
     def _guarded(self, receive: Callable[[], list[Frame]]) -> list[Frame]:

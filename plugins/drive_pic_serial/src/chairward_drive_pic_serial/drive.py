@@ -52,6 +52,7 @@ class PicSerialDrive:
         self._at_ns = 0
         self._seq = 0
         self._sent_frames = 0
+        self.last_frame = b""
         self._splitter = wire.Splitter()
         self._forget()
 
@@ -185,12 +186,14 @@ class PicSerialDrive:
                 if moves:
                     body, moves = (0, 0), False
             seq = self._next_seq()
-            if not self._port.write(wire.ask(kind, seq, *body)):
+            frame = wire.ask(kind, seq, *body)
+            if not self._port.write(frame):
                 self._waiting_since_ns = now_ns if since is None else since
                 return
         except PortError as error:
             raise self._lose(now_ns, str(error)) from error
         self._sent_frames += 1
+        self.last_frame = frame
         self._waiting.append(_Sent(seq, now_ns, moves))
         if since is None:
             self._waiting_since_ns = now_ns
