@@ -18,7 +18,8 @@ from pathlib import Path
 
 import msgspec
 
-from chairward import frames, plan, records, wire
+from chairward import frames, next_run, plan, records, wire
+from chairward.components import STILL
 from chairward.options import BesideOptions, GuardOptions, LaneOptions
 from chairward.plan import LanePlan, Plan
 from chairward.processes import how, kill_group, last_words, spawn, terminate, wait_all
@@ -83,6 +84,7 @@ class Supervisor:
     _records: socket.socket | None = None
     _stop: bool = False
     _record_s: float = 0.0
+    _stands: bool = False
     _told: set[str] = field(default_factory=set)
 
     def run(self, for_s: float | None = None) -> int:
@@ -229,6 +231,7 @@ class Supervisor:
                 if process.poll() is not None and name not in self._told:
                     self._told.add(name)
                     self._note(f"observer '{name}' {how(process.returncode)}: {last_words(self.run_dir, name)}")
+            self._look_for_next()
             if now - self._record_s > GUARD_HANG_S:
                 self.stop(f"the guard has said nothing for {GUARD_HANG_S:.0f} s")
             if self._guard.poll() is not None:
@@ -255,7 +258,18 @@ class Supervisor:
             except (msgspec.DecodeError, UnicodeDecodeError) as error:
                 self._note(f"a record that cannot be read: {error}")
                 continue
+            self._stands = record.decision.motion == STILL
             self.on_record(record)
+
+    def _look_for_next(self) -> None:
+        """End the run when a screen asks for another one; refused while the chair moves, not kept for later."""
+        if (asked := next_run.asked(self.run_dir)) is None:
+            return
+        if self._stands:
+            self.stop(next_run.REASON)
+        else:
+            next_run.forget(self.run_dir)
+            self._note(f"another run ({asked.person or 'none'}) was asked for while the chair moved: refused")
 
     def _read_guard(self) -> None:
         assert self._control is not None

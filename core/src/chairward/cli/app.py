@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from chairward.cli import check, doctor, plugins, profile, replay, run, sim
+from chairward.cli import check, doctor, plugins, profile_edit, replay, run, sim
 from chairward.plugins import discover
 
 app = typer.Typer(
@@ -24,7 +24,7 @@ app.command()(run.demo)
 app.command("plugins")(plugins.plugins)
 app.command("doctor")(doctor.doctor)
 app.command("replay")(replay.replay)
-app.add_typer(profile.app, name="profile")
+app.add_typer(profile_edit.app, name="profile")
 app.add_typer(check.app, name="check")
 
 

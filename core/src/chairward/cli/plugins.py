@@ -12,7 +12,9 @@ from rich.table import Table
 from chairward.plugins import KINDS, discover
 
 
-def plugins(as_json: Annotated[bool, typer.Option("--json", help="as JSON")] = False) -> None:
+def plugins(
+    as_json: Annotated[bool, typer.Option("--json", help="as JSON, with the schema of the settings")] = False,
+) -> None:
     """List installed plugins with what they offer, and those that were refused with the reason."""
     registry = discover()
     rows = [
@@ -22,7 +24,10 @@ def plugins(as_json: Annotated[bool, typer.Option("--json", help="as JSON")] = F
     ]
     refused = [{"plugin": r.plugin, "reason": r.reason} for r in registry.refused]
     if as_json:
-        typer.echo(json.dumps({"components": rows, "refused": refused}, indent=1))
+        whole = [
+            {**r, "settings": registry.components[r["kind"]][r["name"]].settings.model_json_schema()} for r in rows
+        ]
+        typer.echo(json.dumps({"components": whole, "refused": refused}, indent=1))
         return
     table = Table("kind", "component", "plugin", "what it is")
     for row in rows:

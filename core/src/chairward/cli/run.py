@@ -23,7 +23,7 @@ from rich.logging import RichHandler
 from rich.table import Table
 from rich.text import Text
 
-from chairward import profile
+from chairward import next_run, profile
 from chairward.facts import Decision, Instruction
 from chairward.messages import Way
 from chairward.plan import ChairKind, Part, Plan
@@ -106,34 +106,53 @@ def drive(
     logging.basicConfig(
         level=logging.WARNING, format="%(message)s", handlers=[RichHandler(console=console, show_path=False)]
     )
+    registry = discover()
     try:
         seconds = None if for_ is None else parse_seconds(for_)
-        plan = profile.load(chair, person, sets, discover())
+        plan = profile.load(chair, person, sets, registry)
     except (ValueError, PluginError) as error:
         console.print(f"chairward: {error}", style="red", markup=False, highlight=False)
         raise typer.Exit(2) from None
-    if record is not None:
-        record.parent.mkdir(parents=True, exist_ok=True)
-        recorder = Part(component="recorder", settings={"path": str(record.resolve())}, plugin="core")
-        plan = replace(plan, observers={**plan.observers, "recorder": recorder})
-    run_dir = Path(tempfile.mkdtemp(prefix="chairward-"))
-    try:
-        code, result = _run(plan, run_dir, seconds, console, headless=headless)
-    except RunError as error:
-        console.print(f"chairward: {error}", style="red", markup=False, highlight=False)
-        raise typer.Exit(2) from None
-    finally:
-        if logs is not None:
-            logs.mkdir(parents=True, exist_ok=True)
-            for file in run_dir.glob("*.log"):
-                shutil.copy(file, logs)
-        shutil.rmtree(run_dir, ignore_errors=True)
-    result["recording"] = str(record) if record else None
+    before: list[dict[str, Any]] = []
+    while True:
+        file = (
+            None if record is None else record.with_stem(f"{record.stem}-{len(before) + 1}" if before else record.stem)
+        )
+        run_dir = Path(tempfile.mkdtemp(prefix="chairward-"))
+        try:
+            code, result = _run(_recorded(plan, file), run_dir, seconds, console, headless=headless)
+            following = next_run.asked(run_dir) if result["ended"] == next_run.REASON else None
+        except RunError as error:
+            console.print(f"chairward: {error}", style="red", markup=False, highlight=False)
+            raise typer.Exit(2) from None
+        finally:
+            if logs is not None:
+                logs.mkdir(parents=True, exist_ok=True)
+                for log in run_dir.glob("*.log"):
+                    shutil.copy(log, logs)
+            shutil.rmtree(run_dir, ignore_errors=True)
+        result["recording"] = str(file) if file else None
+        if not as_json:
+            console.print(_report(result))
+        if following is None or not following.person:
+            break
+        before.append(result)
+        try:
+            plan = profile.load(chair, following.person, sets, registry)
+        except ValueError as error:  # the file was changed since it was chosen: who drove before drives on
+            console.print(f"chairward: {error}; {plan.person} drives on", style="red", markup=False, highlight=False)
     if as_json:
-        typer.echo(json.dumps(result, indent=1))
-    else:
-        console.print(_report(result))
+        typer.echo(json.dumps({**result, "before": before} if before else result, indent=1))
     raise typer.Exit(code)
+
+
+def _recorded(plan: Plan, file: Path | None) -> Plan:
+    """The plan with a recorder that writes this file."""
+    if file is None:
+        return plan
+    file.parent.mkdir(parents=True, exist_ok=True)
+    recorder = Part(component="recorder", settings={"path": str(file.resolve())}, plugin="core")
+    return replace(plan, observers={**plan.observers, "recorder": recorder})
 
 
 def _run(

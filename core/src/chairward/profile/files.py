@@ -132,11 +132,11 @@ def overrides(sets: Sequence[str]) -> list[Override]:
             table, key = "", table
         if not equals or not key or (not table and key not in ("drive", "language")):
             raise ProfileError(f"--set {shown(text)}: write component.key=value, for example stereo_range.method=sgbm")
-        result.append(Override(table, key, _value(value.strip())))
+        result.append(Override(table, key, toml_value(value.strip())))
     return result
 
 
-def _value(text: str) -> Any:
+def toml_value(text: str) -> Any:
     """A TOML value; whatever is not one (a path, a word, a date) is a string as it stands."""
     try:
         parsed = tomllib.loads(f"value = {text}")

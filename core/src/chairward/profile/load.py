@@ -80,7 +80,14 @@ def load_traced(
         known = ", ".join(files.names("people", folder)) or "none"
         raise ProfileError(f"{chair_file.label}: names no person: say who drives (there: {known})")
     person_file = files.read(files.find("people", person or str(table.person), folder))
-    rider = read_person(person_file)
+    return load_files(chair_file, person_file, registry, overrides)
+
+
+def load_files(
+    chair_file: ProfileFile, person_file: ProfileFile, registry: Registry, overrides: Sequence[Override] = ()
+) -> Loaded:
+    """As `load_traced`, of what has been read (or is only about to be written). Raises ProfileError."""
+    table, rider = read_chair(chair_file), read_person(person_file)
     if table.name not in rider.chairs:
         raise ProfileError(
             f"{person_file.label}: chair = {', '.join(rider.chairs)}, but this chair is '{table.name}': "
