@@ -228,6 +228,7 @@ def test_a_command_that_was_decided_too_long_ago_goes_out_as_a_stop() -> None:
         r.drive.stall_s = 0.3
         r.live(lambda: r.drive.stall_s == 0.0 and bool(r.drive.told), "a command after the stall")
         assert r.drive.told[0] == ("command", STILL, True)
+        r.live(lambda: any(one.told_hard for one in r.records[before:]), "the record of that command")
         late = next(one for one in r.records[before:] if one.told_hard)
         assert late.decision.motion != STILL, "the record tells the decision as it was made"
         assert late.told == STILL, "and what the drive was told instead"
