@@ -13,6 +13,23 @@ import struct
 import time
 from pathlib import Path
 
+PIN_NAMES = (
+    "time_ns",
+    "drive_duty",
+    "drive_in1",
+    "drive_in2",
+    "steer_duty",
+    "steer_in1",
+    "steer_in2",
+    "brake",
+    "state",
+    "fault",
+)
+"""What every simulated controller publishes in run_dir/pins. Motor "drive" goes forward and back, "steer" turns.
+
+time_ns: CLOCK_MONOTONIC of the write. duty: 0..1 of the bridge's enable input, 0 coasts. in1, in2: its direction
+inputs; 1, 0 is forward or left, equal ones with duty short-brake. brake: 1 is applied. state, fault: the controller's.
+"""
 _HEAD = struct.Struct("<QI")
 _GIVE_UP_S = 0.1
 

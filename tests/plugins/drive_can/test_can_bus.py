@@ -17,7 +17,7 @@ from pydantic import ValidationError
 
 from chairward.components import Context, DriveError, Motion
 from chairward.plugins import discover
-from chairward.shared_state import SharedState
+from chairward.shared_state import PIN_NAMES, SharedState
 from chairward_drive_can import plugin
 from chairward_drive_can.bus import Claim, LibraryBus, open_bus
 from chairward_drive_can.companion import SimCan
@@ -214,10 +214,7 @@ def test_the_companion_makes_its_port_says_ready_and_publishes_its_pins(tmp_path
 
 
 def test_pins_say_which_way_each_motor_turns(tmp_path: Path) -> None:
-    pins = SharedState.create(
-        tmp_path / "pins",
-        ("time_ns", "drive_duty", "drive_in1", "drive_in2", "steer_duty", "steer_in1", "steer_in2", "brake", "state"),
-    )
+    pins = SharedState.create(tmp_path / "pins", PIN_NAMES)
     body = Body()
     body.drive.value, body.steer.value = -0.5, 0.25
     publish(pins, body, 7)

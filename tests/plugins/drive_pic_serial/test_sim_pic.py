@@ -13,10 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from chairward.shared_state import SharedState
+from chairward.shared_state import PIN_NAMES, SharedState
 from chairward_drive_pic_serial import wire
 from chairward_drive_pic_serial.commands import probe
-from chairward_drive_pic_serial.sim_pic import PIN_NAMES
 
 pytestmark = pytest.mark.processes  # in real time
 

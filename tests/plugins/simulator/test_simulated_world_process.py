@@ -14,22 +14,9 @@ from typer.testing import CliRunner
 
 from chairward.components import Context
 from chairward.plugins import discover
-from chairward.shared_state import SharedState
+from chairward.shared_state import PIN_NAMES, SharedState
 from chairward_simulator import plugin
 from chairward_simulator.home import HOME_FILE, load
-
-PINS = (
-    "time_ns",
-    "drive_duty",
-    "drive_in1",
-    "drive_in2",
-    "steer_duty",
-    "steer_in1",
-    "steer_in2",
-    "brake",
-    "state",
-    "fault",
-)
 
 pytestmark = pytest.mark.processes  # in real time
 
@@ -72,7 +59,7 @@ def keep_pins(pins: SharedState, seconds: float, **values: float) -> None:
 
 def test_pins_move_the_body_and_a_dead_controller_brakes_it(tmp_path) -> None:
     with running(tmp_path, speaks=False) as world:
-        pins = SharedState.create(tmp_path / "pins", PINS)
+        pins = SharedState.create(tmp_path / "pins", PIN_NAMES)
         keep_pins(pins, 1.0, drive_duty=0.5, drive_in1=1)
         driving = world.read()
         assert driving["speed_mm_s"] == pytest.approx(350.0, abs=20.0)

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from chairward.components import Context
-from chairward.shared_state import SharedState
+from chairward.shared_state import PIN_NAMES, SharedState
 from chairward_drive_can.bus import Bus, open_bus
-from chairward_drive_can.partners.run import PINS, AdapterPty, Partner, serve
+from chairward_drive_can.partners.run import AdapterPty, Partner, serve
 from chairward_drive_can.settings import CanSettings, SimCanSettings
 
 
@@ -56,7 +56,7 @@ class SimCan:
 
     def run(self, ready: Callable[[], None], stopping: Callable[[], bool]) -> None:
         partner = new_partner(self._settings, self._context.chair_dir)
-        pins = SharedState.create(self._context.run_dir / "pins", PINS)
+        pins = SharedState.create(self._context.run_dir / "pins", PIN_NAMES)
         end = new_end(self._settings)
         try:
             ready()

@@ -13,7 +13,7 @@ import select
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -34,15 +34,7 @@ _SCRIPT = """load s drive.cod
 frequency 20000000
 p16f877a.BreakOnReset = false
 module library libgpsim_modules
-module load usart U1
-U1.txbaud = {baud}
-U1.rxbaud = {baud}
-U1.console = true
-U1.hex = true
-node ntx
-node nrx
-attach ntx portc6 U1.RXPIN
-attach nrx portc7 U1.TXPIN
+{uart}
 module load pullup STOP
 STOP.resistance = 100
 STOP.voltage = 0
@@ -55,33 +47,70 @@ node ncharger
 attach ncharger portb1 CHARGER.pin
 module load pullup BATTERY
 BATTERY.resistance = 100
-BATTERY.voltage = 5
+BATTERY.voltage = {battery_v:.5f}
 node nbattery
 attach nbattery porta0 BATTERY.pin
 """
+_UART = f"""module load usart U1
+U1.txbaud = {wire.BAUD}
+U1.rxbaud = {wire.BAUD}
+U1.console = true
+U1.hex = true
+node ntx
+node nrx
+attach ntx portc6 U1.RXPIN
+attach nrx portc7 U1.TXPIN"""
+
+
+def start(
+    folder: Path, uart: str, *, defines: Sequence[str], battery: int, environment: Mapping[str, str] = {}
+) -> subprocess.Popen[bytes]:
+    """A gpsim with the firmware, its commands on standard input. uart: what is at the end of its serial line.
+
+    Raises FirmwareError when the packages are missing.
+    """
+    gpsim = shutil.which("gpsim")
+    if gpsim is None:
+        raise FirmwareError("gpsim is not installed: sudo apt-get install gpsim gputils")
+    assemble(folder, defines)
+    (folder / "pic.stc").write_text(_SCRIPT.format(uart=uart, battery_v=_volts(battery)))
+    return subprocess.Popen(
+        [gpsim, "-i", "-c", "pic.stc"],
+        cwd=folder,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        bufsize=0,
+        preexec_fn=die_with_parent,  # a gpsim left alone would run for ever
+        env={**os.environ, **environment, "HOME": str(folder)},  # keeps its readline history out of the person's home
+    )
+
+
+def kill(process: subprocess.Popen[bytes]) -> None:
+    """End it; may be called twice."""
+    if process.poll() is None:
+        process.kill()
+    process.wait()
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            pipe.close()
+
+
+def _volts(battery: int) -> float:
+    """At AN0 for an ADC value of 0..255."""
+    return min(5.0, (battery + 0.5) / 256 * 5.0)
 
 
 class Gpsim:
     """One gpsim process with the firmware in it; an `Engine`. Raises FirmwareError when the packages are missing."""
 
     def __init__(self, defines: Sequence[str] = (), *, battery: int = 255) -> None:
-        gpsim = shutil.which("gpsim")
-        if gpsim is None:
-            raise FirmwareError("gpsim is not installed: sudo apt-get install gpsim gputils")
         self._folder = tempfile.TemporaryDirectory(prefix="chairward-gpsim-")
-        folder = Path(self._folder.name)
-        assemble(folder, defines)
-        (folder / "pic.stc").write_text(_SCRIPT.format(baud=wire.BAUD))
-        self._process = subprocess.Popen(
-            [gpsim, "-i", "-c", "pic.stc"],
-            cwd=folder,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            bufsize=0,
-            preexec_fn=die_with_parent,  # a gpsim left alone would run for ever
-            env={**os.environ, "HOME": str(folder)},  # keeps its readline history out of the person's home
-        )
+        try:
+            self._process = start(Path(self._folder.name), _UART, defines=defines, battery=battery)
+        except FirmwareError:
+            self._folder.cleanup()
+            raise
         self._asked: list[str] = []
         self._line = bytearray()
         self._line_free = 0.0
@@ -90,7 +119,6 @@ class Gpsim:
         self._read = False
         self._portd = self._steer = self._drive = self._state = self._fault = 0
         self.now = 0
-        self.set_inputs(battery=battery)
         self.advance(100)
 
     def feed(self, data: bytes) -> None:
@@ -159,7 +187,7 @@ class Gpsim:
         if charger is not None:
             self._asked.append(f"CHARGER.voltage = {5 if charger else 0}")
         if battery is not None:
-            self._asked.append(f"BATTERY.voltage = {min(5.0, (battery + 0.5) / 256 * 5.0):.5f}")
+            self._asked.append(f"BATTERY.voltage = {_volts(battery):.5f}")
 
     def restart(self) -> None:
         """As by the reset pin: from address 0. (gpsim's own `reset` leaves its UART stuck, its watchdog does not.)"""
@@ -167,12 +195,7 @@ class Gpsim:
 
     def close(self) -> None:
         """End the process; may be called twice."""
-        if self._process.poll() is None:
-            self._process.kill()
-        self._process.wait()
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                pipe.close()
+        kill(self._process)
         self._folder.cleanup()
 
     def __enter__(self) -> Self:

@@ -14,24 +14,14 @@ from typing import Literal
 from pydantic import Field
 
 from chairward.components import Settings
-from chairward.shared_state import SharedState
+from chairward.shared_state import PIN_NAMES, SharedState
+from chairward_drive_pic_serial import bridge
 from chairward_drive_pic_serial.engine import Engine, ModelEngine
 
-PIN_NAMES = (
-    "time_ns",
-    "drive_duty",
-    "drive_in1",
-    "drive_in2",
-    "steer_duty",
-    "steer_in1",
-    "steer_in2",
-    "brake",
-    "state",
-    "fault",
-)
 PRIORITY = 40
 WAKE_S = 0.002
 """Pins are published at least this often."""
+WATCH_S = 0.05
 BEHIND_NS = 50_000_000
 """gpsim only: when this far behind real time, give the lost time up instead of racing after it."""
 
@@ -46,6 +36,11 @@ class SimPicSettings(Settings):
         default="model",
         description="model: the Python model that the tests hold against the firmware; gpsim: the real firmware "
         "(needs the Debian packages gpsim and gputils).",
+    )
+    bridge: bool = Field(
+        default=True,
+        description="gpsim: run it on a pty of its own where gpsim-dev and g++ are installed (more punctual); false: "
+        "in slices from here.",
     )
     battery: int = Field(default=214, ge=0, le=255, description="Battery input as the PIC's ADC sees it, 0..255.")
 
@@ -102,13 +97,35 @@ class SimPic:
         self._link = run_dir / "pic" if link is None else link
 
     def run(self, ready: Callable[[], None], stopping: Callable[[], bool]) -> None:
-        """Carry bytes between pty and engine in real time until told to stop. Raises FirmwareError."""
+        """A PIC in real time until told to stop. Raises FirmwareError."""
+        if self._settings.engine == "gpsim" and self._settings.bridge and bridge.available():
+            self._run_on_pty(ready, stopping)
+        else:
+            self._carry(ready, stopping)
+
+    def _run_on_pty(self, ready: Callable[[], None], stopping: Callable[[], bool]) -> None:
+        """gpsim does it all by itself; only watch over it."""
+        pins = self._run_dir / "pins"
+        SharedState.create(pins, PIN_NAMES).close()
+        gpsim = bridge.GpsimOnPty(self._link, pins, battery=self._settings.battery)
+        try:
+            _as_punctual_as_a_chip(gpsim.process.pid)
+            while not gpsim.ready() and not stopping():
+                select.select([], [], [], WAKE_S)
+            ready()
+            while gpsim.ready() and not stopping():
+                select.select([], [], [], WATCH_S)
+        finally:
+            gpsim.close()
+
+    def _carry(self, ready: Callable[[], None], stopping: Callable[[], bool]) -> None:
+        """Carry bytes between pty and engine."""
         engine = make_engine(self._settings)
         pty = PtyEnd(self._link)
         pins = SharedState.create(self._run_dir / "pins", PIN_NAMES)
         try:
             if isinstance(engine, ModelEngine):
-                _as_punctual_as_a_chip()
+                _as_punctual_as_a_chip(0)
             _publish(pins, engine)
             ready()
             then_ns = time.monotonic_ns()
@@ -127,10 +144,10 @@ class SimPic:
             engine.close()
 
 
-def _as_punctual_as_a_chip() -> None:
+def _as_punctual_as_a_chip(pid: int) -> None:
     """A PIC is never held up by other programs: below the guard's priority, above everybody else's, where allowed."""
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
+        os.sched_setscheduler(pid, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
     except PermissionError:
         log.info("no real-time priority: on a busy machine the simulated PIC may stop by itself now and then")
 

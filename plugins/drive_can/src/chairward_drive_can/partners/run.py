@@ -19,18 +19,6 @@ from chairward_drive_can.frames import Frame
 from chairward_drive_can.partners.body import Body
 
 STEP_S = 0.002
-PINS = (
-    "time_ns",
-    "drive_duty",
-    "drive_in1",
-    "drive_in2",
-    "steer_duty",
-    "steer_in1",
-    "steer_in2",
-    "brake",
-    "state",
-    "fault",
-)
 
 
 class Partner(Protocol):
