@@ -21,17 +21,15 @@ from pathlib import Path
 
 import msgspec
 
-from chairward import arbiter, plan, wire
+from chairward import arbiter, plan, records, wire
 from chairward.border import Border
 from chairward.components import STILL, Drive, DriveError, Motion
-from chairward.copies import Copies
 from chairward.facts import Decision, Facts, Limits, S, State
 from chairward.messages import DriveStatus
 from chairward.options import GuardOptions
 from chairward.plan import Plan
 from chairward.plugins import discover_only
 from chairward.realtime import claim, suspended_ns
-from chairward.records import Record
 
 MESSAGES_A_TICK = 8
 LEAVE_WITHIN_NS = 2 * S
@@ -61,7 +59,7 @@ class Guard:
         self.border = Border({lane.name: lane for lane in the_plan.lanes}, the_plan.limits)
         self.lanes = dict(lanes)
         self.control = control
-        self.copies = Copies(observers)
+        self.observers = dict.fromkeys(observers, 0)
         self.state = State()
         self.status = DriveStatus(at_ns=0, linked=False, armed=False)
         self.drive_fault = ""
@@ -77,7 +75,6 @@ class Guard:
         self.muted: dict[str, socket.socket] = {}
         self.drive_fd = -1
         self.drive_wakes = 0
-        self.drive_spoke = False
 
     def run(self) -> int:
         """Tick until told to quit or left alone. Always ends with a stop on the wire."""
@@ -103,8 +100,7 @@ class Guard:
                     self._new_tick()
         finally:
             self.drive.close()
-            self.copies.close()
-            for end in (*self.lanes.values(), self.control):
+            for end in (*self.lanes.values(), *self.observers, self.control):
                 end.close()
             self.selector.close()
         return 0
@@ -124,7 +120,6 @@ class Guard:
     def _drive_woke(self) -> bool:
         """The drive reads its own answers in poll(); one that never stops talking is not listened to until the tick."""
         self.drive_wakes += 1
-        self.drive_spoke = True
         if self.drive_wakes > MESSAGES_A_TICK:
             self.selector.unregister(self.drive_fd)
             self.drive_fd = -1
@@ -174,7 +169,7 @@ class Guard:
                         self.selector.register(self.lanes[lane], selectors.EVENT_READ, lane)
                         self.border.lane_attached(lane)
                     case wire.Observe() if fds:
-                        self.copies.add(wire.adopt(fds.pop()))
+                        self.observers[wire.adopt(fds.pop())] = 0
                     case wire.Quit():
                         self.leave()
                 for fd in fds:  # nobody asked for these
@@ -204,13 +199,12 @@ class Guard:
         for name, end in self.muted.items():
             self.selector.register(end, selectors.EVENT_READ, name)
         self.muted.clear()
-        if self.periods % COLLECT_EVERY_TICKS == 0:
-            gc.collect()  # what there was at the start is frozen, so this takes microseconds
+        if self.periods % COLLECT_EVERY_TICKS == 0 and self.commanded == STILL:
+            gc.collect(1)
 
     def _act(self, now: int, due: int, gap_ns: int, *, periodic: bool) -> None:
         """Facts, decision, drive, record."""
-        if periodic or self.drive_spoke or self.drive_fault or gap_ns:  # a lane's message need not wait for a port
-            self._poll_drive(now, periodic=periodic)
+        self._poll_drive(now, periodic=periodic)
         if self.leaving_since_ns:
             self.border.lane_lost("supervisor", self.leaving_because)
         facts = self.border.facts(now, self.status, self.supervisor_ns, gap_ns)
@@ -224,7 +218,6 @@ class Guard:
     def _poll_drive(self, now: int, *, periodic: bool) -> None:
         """The drive's status; whatever it raises or says that cannot be is a fault, and a fault latches."""
         fault, self.drive_fault = self.drive_fault, ""
-        self.drive_spoke = False
         try:
             said = self.drive.poll(now)
             self.status = msgspec.convert(msgspec.to_builtins(said), DriveStatus)
@@ -272,8 +265,8 @@ class Guard:
     def _publish(
         self, now: int, due: int, before: State, facts: Facts, after: State, decision: Decision, *, periodic: bool
     ) -> None:
-        """The whole cause of this decision, to everybody who looks on."""
-        record = Record(
+        """A copy to every observer that has room; what it misses is counted and told in its next record."""
+        record = records.Record(
             tick=self.tick,
             due_ns=due,
             woke_ns=now,
@@ -288,7 +281,19 @@ class Guard:
             told_hard=self.hard,
             frame=getattr(self.drive, "last_frame", b""),
         )
-        self.copies.publish(record)
+        data = records.encode(record)
+        for end, missed in list(self.observers.items()):
+            mine = records.encode(msgspec.structs.replace(record, missed=missed)) if missed else data
+            try:
+                end.send(mine)
+                self.observers[end] = 0
+            except BlockingIOError:
+                self.observers[end] = missed + 1
+            except ConnectionError:
+                del self.observers[end]
+                end.close()
+            except OSError:  # too large for it, or no memory for it now
+                self.observers[end] = missed + 1
 
 
 def _told(error: Exception) -> str:
