@@ -153,6 +153,22 @@ def try_words(
 
 
 @words.command()
+def serve(
+    people: Annotated[
+        Path | None, typer.Option("--people", help="folder with one folder for each person (default: the user's data)")
+    ] = None,
+) -> None:
+    """Answer a screen's words page: one JSON request a line on standard input, one JSON answer a line on output."""
+    import sys
+
+    from chairward_voice_dtw.words_desk import WordsDesk
+
+    desk = WordsDesk(people or person_dir("x", None).parent)
+    for line in sys.stdin:
+        typer.echo(desk.answer(line))
+
+
+@words.command()
 def show(path: Annotated[Path, typer.Argument(help="a sound file")]) -> None:
     """Draw the mel spectrum of a recording: a column for each 10 ms, low bands at the bottom."""
     from chairward_voice_dtw.audio import RATE_HZ, SoundError, read_wav

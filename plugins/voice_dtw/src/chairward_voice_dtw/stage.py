@@ -10,6 +10,8 @@ import numpy as np
 
 from chairward.components import Bench, Context
 from chairward.messages import Alive, Command, Intent, Message
+from chairward.sound_pane import RecentSound
+from chairward.speaking import Listener
 from chairward.stages import AudioBlock
 from chairward_voice_dtw.audio import RATE_HZ, Floats, SoundError, read_wav
 from chairward_voice_dtw.engine import DtwEngine, Engine, Heard, ThesisEngine, Thresholds
@@ -89,6 +91,8 @@ class VoiceStage:
         self._engine: Engine | None = None
         self._meter: LevelMeter | None = None
         self._rate_hz = 0
+        self._recent = RecentSound()
+        self._chair_voice = Listener(context.run_dir)
         self._seq = 0
         self._beat_ns = 0
         self._sound_ns = 0
@@ -106,12 +110,13 @@ class VoiceStage:
         self._sound_ns = block.captured_ns + len(block.samples) * 1_000_000_000 // block.rate_hz
         if block.rate_hz != self._rate_hz:
             self._begin(block.rate_hz)
+        self._recent.push(block)
         if self._meter is not None:
             self._meter.push(block.samples)
         if self._engine is not None:
             if block.lost_samples:
                 self._lost_s = self._engine.now_s
-            if block.chair_speaks:
+            if block.chair_speaks or self._chair_voice.is_speaking(block.captured_ns):
                 self._spoke_s = self._engine.now_s
             for heard in self._engine.push(block.samples):
                 intent = self._intent(heard)
@@ -119,10 +124,13 @@ class VoiceStage:
                     messages.append(intent)
         if self._sound_ns - self._beat_ns >= HEARTBEAT_NS:
             messages.append(self._alive(self._sound_ns))
+            if (pane := self._recent.pane()) is not None:
+                bench.put(pane)
         return messages
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Let go of what other processes share."""
+        self._chair_voice.close()
 
     def _begin(self, rate_hz: int) -> None:
         """The first block, or a device that came back with another rate."""
