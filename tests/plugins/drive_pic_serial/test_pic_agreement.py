@@ -5,10 +5,11 @@ from __future__ import annotations
 import random
 import shutil
 from collections.abc import Iterator
+from types import ModuleType
 
 import pytest
 
-from chairward_drive_pic_serial import model
+from chairward_drive_pic_serial import model, motor
 from chairward_drive_pic_serial.agreement import Pair, Step, disagreement, random_step
 from chairward_drive_pic_serial.wire import Ask
 
@@ -46,12 +47,13 @@ def test_the_random_sequences_reach_every_state_and_fault(pair: Pair) -> None:
 
 
 @pytest.mark.parametrize(
-    ("constant", "wrong"), [("DEAD_MS", 19), ("TIMEOUT_MS", 196), ("SWITCH_MS", 3), ("PARK_MS", 249)]
+    ("where", "constant", "wrong"),
+    [(motor, "DEAD_MS", 19), (model, "TIMEOUT_MS", 196), (motor, "SWITCH_MS", 3), (model, "PARK_MS", 249)],
 )
 def test_a_model_that_is_off_by_one_millisecond_is_noticed(
-    pair: Pair, monkeypatch: pytest.MonkeyPatch, constant: str, wrong: int
+    pair: Pair, monkeypatch: pytest.MonkeyPatch, where: ModuleType, constant: str, wrong: int
 ) -> None:
-    monkeypatch.setattr(model, constant, wrong)
+    monkeypatch.setattr(where, constant, wrong)
     steps = [
         Step(pair.frame(Ask.HELLO, 1, 1)),
         Step(pair.frame(Ask.DRIVE, 0, 0)),

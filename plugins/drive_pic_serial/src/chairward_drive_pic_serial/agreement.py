@@ -12,7 +12,9 @@ from dataclasses import dataclass
 from chairward_drive_pic_serial import wire
 from chairward_drive_pic_serial.engine import ModelEngine
 from chairward_drive_pic_serial.gpsim import Gpsim
-from chairward_drive_pic_serial.model import CYCLES_PER_US, RX_BYTE_CYCLES, TICK_CYCLES, Pins
+from chairward_drive_pic_serial.model import TICK_CYCLES
+from chairward_drive_pic_serial.motor import Pins
+from chairward_drive_pic_serial.uart import CYCLES_PER_US, RX_BYTE_CYCLES
 from chairward_drive_pic_serial.wire import Ask
 
 GPSIM_BOOT_CYCLES = 760

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from chairward_drive_pic_serial import wire
 from chairward_drive_pic_serial.engine import Engine
@@ -21,6 +21,15 @@ class Tally:
     naks: int = 0
     accepted: int = 0
     good_lost: int = 0
+
+    def __add__(self, other: Tally) -> Tally:
+        """Both together."""
+        mine, theirs = self.told(), other.told()
+        return Tally(**{name: mine[name] + theirs[name] for name in mine})
+
+    def told(self) -> dict[str, int]:
+        """By name."""
+        return asdict(self)
 
 
 def damage(frame: bytes, other: bytes, chance: random.Random) -> bytes:

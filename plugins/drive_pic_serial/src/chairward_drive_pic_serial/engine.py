@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from chairward_drive_pic_serial.model import FirmwareModel, Pins
+from chairward_drive_pic_serial.model import FirmwareModel
+from chairward_drive_pic_serial.motor import Pins
 
 
 class Engine(Protocol):

@@ -21,7 +21,8 @@ from typing import Self
 from chairward.realtime import die_with_parent
 from chairward_drive_pic_serial import wire
 from chairward_drive_pic_serial.firmware import FirmwareError, assemble
-from chairward_drive_pic_serial.model import CYCLES_PER_US, PWM_STEPS, RX_BYTE_CYCLES, Pins
+from chairward_drive_pic_serial.motor import PWM_STEPS, Pins
+from chairward_drive_pic_serial.uart import CYCLES_PER_US, RX_BYTE_CYCLES
 
 STATE, FAULT = 0x2A, 0x2B
 """Addresses of `state` and `fault` in drive.asm's RAM (a test reads them from the listing)."""

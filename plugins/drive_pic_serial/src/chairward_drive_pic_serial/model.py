@@ -6,95 +6,24 @@ installed, and it runs some hundred times faster.
 
 from __future__ import annotations
 
-from collections import deque
-from dataclasses import dataclass
-from math import inf
-from typing import NamedTuple
-
 from fastcrc import crc16
 
 from chairward_drive_pic_serial import wire
+from chairward_drive_pic_serial.motor import Motor, Pins
+from chairward_drive_pic_serial.uart import CYCLES_PER_US, Uart
 from chairward_drive_pic_serial.wire import Ask, Fault, Input, Reason, Reply, State, Why, signed
 
-CYCLES_PER_US = 5
 TICK_CYCLES = 5_000
 BOOT_CYCLES = 50_500
 """From reset until the timer runs: mostly one EEPROM write, 4 to 8 ms in a real part, plus its oscillator's start."""
-RX_BYTE_CYCLES = 10 * 5_000_000 / wire.BAUD
-TX_BYTE_CYCLES = 880
-"""The PIC's own clock divides to 56818 baud."""
 
 TIMEOUT_MS = 195
-DEAD_MS = 20
-SWITCH_MS = 2
 PARK_MS = 250
 DEBOUNCE_MS = 3
 RISE_MS = 8
 FALL_MS = 5
 RATE_MAX_MS = 50
-SOFT = 10
 RX_MAX = 12
-RING, RING_MAX = 64, 51
-PWM_STEPS = 250
-
-
-class Pins(NamedTuple):
-    """What the pins do. duty 0..1; in1, in2: bridge inputs (1, 0 is forward or left, equal with duty short-brakes)."""
-
-    steer_in1: int
-    steer_in2: int
-    steer_duty: float
-    drive_in1: int
-    drive_in2: int
-    drive_duty: float
-    brake: int
-    armed: int
-    fault: int
-
-
-@dataclass(slots=True)
-class Motor:
-    """One motor: target and applied value in hundredths, ms with the bridge off, held by the short-brake."""
-
-    target: int = 0
-    applied: int = 0
-    dead: int = 0
-    held: bool = True
-
-    def step(self, *, rise: bool, fall: bool, soft: bool) -> None:
-        """One tick, as `motor` in drive.asm."""
-        target, applied = self.target, self.applied
-        if self.dead:
-            self.dead -= 1
-        elif applied == 0:
-            if target == 0:
-                self.held = True
-            elif self.held:
-                self.held, self.dead = False, SWITCH_MS
-            elif rise:
-                self.applied = 1 if target > 0 else -1
-        elif applied != target:
-            sign = 1 if applied > 0 else -1
-            if target * sign > applied * sign:
-                if rise and (soft or abs(applied) >= SOFT):
-                    self.applied += sign
-            elif fall:
-                self.applied -= sign
-                if self.applied == 0:
-                    self.dead = DEAD_MS
-
-    def brake(self) -> None:
-        """Hard stop: bridge off for a moment, then short-brake."""
-        self.target = 0
-        if self.applied:
-            self.applied, self.held, self.dead = 0, False, SWITCH_MS
-
-    def pins(self) -> tuple[int, int, float]:
-        """in1, in2, duty."""
-        if self.applied:
-            steps = abs(self.applied) * 5 // 2
-            return int(self.applied > 0), int(self.applied < 0), steps / PWM_STEPS
-        return 0, 0, 1.0 if self.held else 0.0
 
 
 class FirmwareModel:
@@ -107,7 +36,7 @@ class FirmwareModel:
         self.charger = False
         self.battery_pin = battery
         self.now = 0
-        self._out = bytearray()
+        self._uart = Uart()
         self.reset(Reason.POWER_ON)
 
     def reset(self, reason: Reason = Reason.RESET_PIN) -> None:
@@ -121,13 +50,8 @@ class FirmwareModel:
         self.park, self.soft = PARK_MS, False
         self.stop_c = self.chg_c = 0
         self.steer, self.drive = Motor(), Motor()
-        self._rx: deque[tuple[float, int]] = deque()
-        self._rx_free = 0.0
+        self._uart.reset()
         self._buf, self._rem, self._first, self._rerr = bytearray(), 0, True, False
-        self._ring: deque[int] = deque()
-        self._hold: int | None = None
-        self._shift: int | None = None
-        self._shift_end = 0
         self._booted = False
         self._next_tick = self.now + self._boot_cycles
 
@@ -135,17 +59,11 @@ class FirmwareModel:
 
     def feed(self, data: bytes) -> None:
         """Bytes from the host; each takes its time on the line."""
-        at = max(self._rx_free, float(self.now))
-        for byte in data:
-            at += RX_BYTE_CYCLES
-            self._rx.append((at, byte))
-        self._rx_free = at
+        self._uart.feed(data, self.now)
 
     def take(self) -> bytes:
         """The bytes that have left the PIC since the last call."""
-        data = bytes(self._out)
-        self._out.clear()
-        return data
+        return self._uart.take()
 
     def advance(self, microseconds: float) -> None:
         """Let time pass."""
@@ -155,31 +73,24 @@ class FirmwareModel:
         """Let instruction cycles pass."""
         end = self.now + cycles
         while True:
-            rx = self._rx[0][0] if self._rx else end + 1
-            tx = self._shift_end if self._shift is not None else end + 1
+            rx, tx = self._uart.rx_at, self._uart.tx_at
             at = min(rx, tx, self._next_tick)
             if at > end:
                 break
             self.now = max(self.now, int(at))
             if at == rx:
-                self._receive(self._rx.popleft()[1])
+                self._receive(self._uart.received())
             elif at == tx:
-                self._out.append(self._shift or 0)
-                self._shift = None
+                self._uart.left()
             else:
                 self._next_tick += TICK_CYCLES
                 self._tick() if self._booted else self._boot()
-            self._pump()
+            self._uart.pump(self.now)
         self.now = end
 
     def line_clear_s(self) -> float:
         """Until the last byte on its way in has arrived, else out; infinity on a quiet line. When to look again."""
-        if self._rx:
-            return (self._rx_free - self.now) / CYCLES_PER_US / 1e6
-        if self._shift is None:
-            return inf
-        waiting = len(self._ring) + (self._hold is not None)
-        return (self._shift_end - self.now + waiting * TX_BYTE_CYCLES) / CYCLES_PER_US / 1e6
+        return self._uart.clear_s(self.now)
 
     def pins(self) -> Pins:
         """The pins now; all safe until the reset is over."""
@@ -198,7 +109,7 @@ class FirmwareModel:
     def _boot(self) -> None:
         self._booted = True
         self.seq = 0
-        self._ring.append(0)
+        self._uart.send(b"\0")
         self._reply_hello()
 
     def _tick(self) -> None:
@@ -400,16 +311,4 @@ class FirmwareModel:
         self._send(Reply.NAK, why, self.state, self.fault, self.last, 0, 0)
 
     def _send(self, kind: Reply, *body: int) -> None:
-        if len(self._ring) <= RING_MAX:
-            self._ring.extend(wire.encode(bytes([kind, self.seq, *(b & 0xFF for b in body)])))
-
-    def _pump(self) -> None:
-        while self._ring or self._hold is not None:
-            if self._shift is None:
-                self._shift = self._hold if self._hold is not None else self._ring.popleft()
-                self._hold = None
-                self._shift_end = self.now + TX_BYTE_CYCLES
-            elif self._hold is None:
-                self._hold = self._ring.popleft()
-            else:
-                break
+        self._uart.send(wire.encode(bytes([kind, self.seq, *(b & 0xFF for b in body)])))
