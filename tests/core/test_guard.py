@@ -71,6 +71,7 @@ class ScriptedDrive:
     def poll(self, now_ns: int) -> DriveStatus:
         if self.stall_s:
             stall, self.stall_s = self.stall_s, 0.0
+            self.told.clear()
             end = time.monotonic() + stall
             while time.monotonic() < end:
                 pass  # as SIGSTOP between waking and writing would do

@@ -21,15 +21,17 @@ from pathlib import Path
 
 import msgspec
 
-from chairward import arbiter, plan, records, wire
+from chairward import arbiter, plan, wire
 from chairward.border import Border
 from chairward.components import STILL, Drive, DriveError, Motion
+from chairward.copies import Copies
 from chairward.facts import Decision, Facts, Limits, S, State
 from chairward.messages import DriveStatus
 from chairward.options import GuardOptions
 from chairward.plan import Plan
 from chairward.plugins import discover_only
 from chairward.realtime import claim, suspended_ns
+from chairward.records import Record
 
 MESSAGES_A_TICK = 8
 LEAVE_WITHIN_NS = 2 * S
@@ -59,7 +61,7 @@ class Guard:
         self.border = Border({lane.name: lane for lane in the_plan.lanes}, the_plan.limits)
         self.lanes = dict(lanes)
         self.control = control
-        self.observers = dict.fromkeys(observers, 0)
+        self.copies = Copies(observers)
         self.state = State()
         self.status = DriveStatus(at_ns=0, linked=False, armed=False)
         self.drive_fault = ""
@@ -75,6 +77,7 @@ class Guard:
         self.muted: dict[str, socket.socket] = {}
         self.drive_fd = -1
         self.drive_wakes = 0
+        self.drive_spoke = False
 
     def run(self) -> int:
         """Tick until told to quit or left alone. Always ends with a stop on the wire."""
@@ -100,7 +103,8 @@ class Guard:
                     self._new_tick()
         finally:
             self.drive.close()
-            for end in (*self.lanes.values(), *self.observers, self.control):
+            self.copies.close()
+            for end in (*self.lanes.values(), self.control):
                 end.close()
             self.selector.close()
         return 0
@@ -120,6 +124,7 @@ class Guard:
     def _drive_woke(self) -> bool:
         """The drive reads its own answers in poll(); one that never stops talking is not listened to until the tick."""
         self.drive_wakes += 1
+        self.drive_spoke = True
         if self.drive_wakes > MESSAGES_A_TICK:
             self.selector.unregister(self.drive_fd)
             self.drive_fd = -1
@@ -169,7 +174,7 @@ class Guard:
                         self.selector.register(self.lanes[lane], selectors.EVENT_READ, lane)
                         self.border.lane_attached(lane)
                     case wire.Observe() if fds:
-                        self.observers[wire.adopt(fds.pop())] = 0
+                        self.copies.add(wire.adopt(fds.pop()))
                     case wire.Quit():
                         self.leave()
                 for fd in fds:  # nobody asked for these
@@ -199,12 +204,13 @@ class Guard:
         for name, end in self.muted.items():
             self.selector.register(end, selectors.EVENT_READ, name)
         self.muted.clear()
-        if self.periods % COLLECT_EVERY_TICKS == 0 and self.commanded == STILL:
-            gc.collect(1)
+        if self.periods % COLLECT_EVERY_TICKS == 0:
+            gc.collect()  # what there was at the start is frozen, so this takes microseconds
 
     def _act(self, now: int, due: int, gap_ns: int, *, periodic: bool) -> None:
-        """Facts, decision, drive, record."""
-        self._poll_drive(now, periodic=periodic)
+        """Facts, decision, drive, record. A message of a lane need not wait for the port of a drive that is silent."""
+        if periodic or gap_ns or self.drive_spoke or self.drive_fault or self.drive_fd < 0:
+            self._poll_drive(now, periodic=periodic)
         if self.leaving_since_ns:
             self.border.lane_lost("supervisor", self.leaving_because)
         facts = self.border.facts(now, self.status, self.supervisor_ns, gap_ns)
@@ -218,6 +224,7 @@ class Guard:
     def _poll_drive(self, now: int, *, periodic: bool) -> None:
         """The drive's status; whatever it raises or says that cannot be is a fault, and a fault latches."""
         fault, self.drive_fault = self.drive_fault, ""
+        self.drive_spoke = False
         try:
             said = self.drive.poll(now)
             self.status = msgspec.convert(msgspec.to_builtins(said), DriveStatus)
@@ -265,8 +272,8 @@ class Guard:
     def _publish(
         self, now: int, due: int, before: State, facts: Facts, after: State, decision: Decision, *, periodic: bool
     ) -> None:
-        """A copy to every observer that has room; what it misses is counted and told in its next record."""
-        record = records.Record(
+        """The whole cause of this decision, to everybody who looks on."""
+        record = Record(
             tick=self.tick,
             due_ns=due,
             woke_ns=now,
@@ -281,19 +288,7 @@ class Guard:
             told_hard=self.hard,
             frame=getattr(self.drive, "last_frame", b""),
         )
-        data = records.encode(record)
-        for end, missed in list(self.observers.items()):
-            mine = records.encode(msgspec.structs.replace(record, missed=missed)) if missed else data
-            try:
-                end.send(mine)
-                self.observers[end] = 0
-            except BlockingIOError:
-                self.observers[end] = missed + 1
-            except ConnectionError:
-                del self.observers[end]
-                end.close()
-            except OSError:  # too large for it, or no memory for it now
-                self.observers[end] = missed + 1
+        self.copies.publish(record)
 
 
 def _told(error: Exception) -> str:
