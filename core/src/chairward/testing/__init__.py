@@ -1,16 +1,21 @@
 """Contract tests for plugin authors. Needs pytest; nothing of the running chair imports this.
 
-A drive plugin inherits `DriveContract` (and the optional contracts that fit it) and gives one fixture, `rig`.
+A plugin's tests inherit the contract of what it offers (and the optional contracts that fit it) and give one fixture,
+`rig`: the component and a device, real or simulated, that the contract can trouble.
 """
 
 from __future__ import annotations
 
 import pytest
 
-for _module in ("rig", "moving", "stopping", "losing", "extras"):
-    pytest.register_assert_rewrite(f"chairward.testing.drive_{_module}")
+for _module in ("drive_rig", "drive_moving", "drive_stopping", "drive_losing", "drive_extras", "device_rig"):
+    pytest.register_assert_rewrite(f"chairward.testing.{_module}")
+for _module in ("device", "sensor", "recognizer", "source", "observer"):
+    pytest.register_assert_rewrite(f"chairward.testing.{_module}_contract")
 
-from chairward.testing.drive_contract import DriveContract  # noqa: E402 - asserts are rewritten first
+from chairward.testing.device_contract import DeviceContract  # noqa: E402 - asserts are rewritten first
+from chairward.testing.device_rig import DeviceRig, Piped  # noqa: E402
+from chairward.testing.drive_contract import DriveContract  # noqa: E402
 from chairward.testing.drive_extras import (  # noqa: E402
     ExclusivePortContract,
     PowerContract,
@@ -20,14 +25,31 @@ from chairward.testing.drive_extras import (  # noqa: E402
     VersionContract,
 )
 from chairward.testing.drive_rig import DriveRig  # noqa: E402
+from chairward.testing.observer_contract import ObserverContract, ObserverRig  # noqa: E402
+from chairward.testing.recognizer_contract import RecognizerContract, RecognizerRig  # noqa: E402
+from chairward.testing.sensor_contract import FrozenContract, SensorContract, SensorRig  # noqa: E402
+from chairward.testing.source_contract import FiniteSourceContract, SourceContract, SourceRig  # noqa: E402
 
 __all__ = [
+    "DeviceContract",
+    "DeviceRig",
     "DriveContract",
     "DriveRig",
     "ExclusivePortContract",
+    "FiniteSourceContract",
+    "FrozenContract",
+    "ObserverContract",
+    "ObserverRig",
+    "Piped",
     "PowerContract",
     "RampContract",
+    "RecognizerContract",
+    "RecognizerRig",
+    "SensorContract",
+    "SensorRig",
     "SoftStartContract",
+    "SourceContract",
+    "SourceRig",
     "StopInputContract",
     "VersionContract",
 ]

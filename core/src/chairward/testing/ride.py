@@ -99,6 +99,12 @@ class Ride:
         facts = replace(fresh, ranges=ranges, vetoes=vetoes, alive=alive, drive=drive, supervisor_ns=supervisor_ns)
         return replace(facts, **changes)
 
+    @property
+    def newest_facts(self) -> Facts:
+        """What the last decision was made from."""
+        assert self._facts is not None, "no decision yet"
+        return self._facts
+
     def wish(self, command: Command, *, held: bool = False, source: str = VOICE, **fields: Any) -> Wish:
         """A new wish, stamped now."""
         self._wishes += 1
