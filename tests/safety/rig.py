@@ -6,6 +6,9 @@ The tests look at the *pins* that the simulated controller publishes, not at wha
 from __future__ import annotations
 
 import os
+import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -48,6 +51,8 @@ port = "{run}/pic"
 [companion.pic]
 component = "sim_pic"
 """
+OUTSIDE = CHAIR.partition("[companion.pic]")[0]
+"""The same chair without a controller of its own: see `outside`."""
 
 PERSON = """
 name = "keeper"
@@ -63,15 +68,37 @@ MS = 1_000_000
 
 def duty(path: Path) -> float:
     """The drive motor's duty at a controller's pins, 0..1; 0 when it brakes or nothing is published."""
+    return stamped_duty(path)[1]
+
+
+def stamped_duty(path: Path) -> tuple[float, float]:
+    """When the controller published its pins last (CLOCK_MONOTONIC, ns), and the duty then."""
     if not path.exists():
-        return 0.0
+        return 0.0, 0.0
     pins = SharedState.attach(path)
     try:
         values = pins.read()
     finally:
         pins.close()
     braking = values["brake"] or values["drive_in1"] == values["drive_in2"]
-    return 0.0 if braking else values["drive_duty"]
+    return values["time_ns"], 0.0 if braking else values["drive_duty"]
+
+
+@contextmanager
+def controller(folder: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """A simulated PIC that does not end with a run (controller.py): its port is folder/pic, its pins folder/pins."""
+    (folder / "pins").unlink(missing_ok=True)
+    process = subprocess.Popen([sys.executable, str(Path(__file__).with_name("controller.py")), str(folder)])
+    try:
+        end = time.monotonic() + 60.0
+        while not (folder / "pins").exists():
+            assert process.poll() is None, "the simulated controller ended"
+            assert time.monotonic() < end, "the simulated controller did not start"
+            time.sleep(0.002)
+        yield process
+    finally:
+        process.terminate()
+        process.wait(10.0)
 
 
 @dataclass(slots=True)
@@ -157,6 +184,11 @@ def load(folder: Path, chair: str = CHAIR, sets: tuple[str, ...] = ()) -> Plan:
     return profile.load("zoo", "keeper", list(sets), discover(), profiles_dir=folder)
 
 
+def outside(folder: Path) -> str:
+    """The chair file of a chair whose controller is `controller(folder)`."""
+    return OUTSIDE.replace("{run}/pic", str(folder / "pic"))
+
+
 @contextmanager
 def running(plan: Plan, run_dir: Path, *, until_driving: bool = True, pins: Path | None = None) -> Iterator[Rig]:
     """Start everything, wait until the chair drives, and end everything."""
@@ -180,6 +212,83 @@ def running(plan: Plan, run_dir: Path, *, until_driving: bool = True, pins: Path
         rig.supervisor.stop("the test is over")
         rig.thread.join(30.0)
         assert not rig.thread.is_alive(), f"the supervisor did not end\n{rig.story()}"
+
+
+@dataclass(slots=True)
+class Started:
+    """A `chairward run` in a process of its own; terminal: the far end of its terminal, if it has one."""
+
+    process: subprocess.Popen[bytes]
+    terminal: int | None = None
+
+    @property
+    def pid(self) -> int:
+        return self.process.pid
+
+    @property
+    def returncode(self) -> int | None:
+        return self.process.returncode
+
+    def poll(self) -> int | None:
+        return self.process.poll()
+
+    def wait(self, seconds: float) -> int:
+        return self.process.wait(seconds)
+
+    def send_signal(self, number: signal.Signals) -> None:
+        self.process.send_signal(number)
+
+
+@contextmanager
+def chairward_run(folder: Path, *, terminal: bool = False) -> Iterator[Started]:
+    """`chairward run` as people start it, driving the chair of `outside(folder)`; what is left of it is ended."""
+    for name, text in (("chairs/zoo", outside(folder)), ("people/keeper", PERSON)):
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / f"{name}.toml").write_text(text)
+    (folder / "tmp").mkdir(exist_ok=True)
+    command = [sys.executable, "-m", "chairward", "run", "--chair", "zoo", "--person", "keeper", "--no-record"]
+    environment = {**os.environ, "CHAIRWARD_PROFILES": str(folder), "TMPDIR": str(folder / "tmp")}
+    with (folder / "run.err").open("wb") as err:
+        if terminal:
+            far_end, near_end = os.openpty()
+            take_terminal = [sys.executable, "-c", TAKE_TERMINAL]
+            process = subprocess.Popen(
+                [*take_terminal, *command], env=environment, stdin=near_end, stdout=near_end, stderr=near_end
+            )
+            os.close(near_end)
+        else:
+            process = subprocess.Popen([*command, "--headless"], env=environment, stdout=err, stderr=err)
+    try:
+        end = time.monotonic() + 90.0
+        while duty(folder / "pins") == 0.0:
+            assert process.poll() is None, (folder / "run.err").read_text()
+            assert time.monotonic() < end, f"the chair does not drive: {(folder / 'run.err').read_text()}"
+            time.sleep(0.002)
+        yield Started(process, far_end if terminal else None)
+    finally:
+        process.kill()
+        process.wait(10.0)
+
+
+TAKE_TERMINAL = """
+import fcntl, os, sys, termios
+os.setsid()
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+os.execv(sys.argv[1], sys.argv[1:])
+"""
+"""A shell's part: a session of its own whose terminal is standard input. When that is closed, SIGHUP comes."""
+
+
+def processes_of(folder: Path) -> list[int]:
+    """The processes whose command line names a folder."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            if str(folder).encode() in path.read_bytes():
+                found.append(int(path.parent.name))
+        except OSError:
+            continue  # it has just ended
+    return found
 
 
 def alive(pid: int) -> bool:

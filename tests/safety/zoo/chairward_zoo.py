@@ -36,6 +36,8 @@ class CitizenSettings(Settings):
 
     ahead_mm: int = Field(default=4000, description="what a range citizen sees")
     period_ms: int = Field(default=33, description="between two messages")
+    word_ms: int = Field(default=2000, description="between two words of a voice citizen")
+    press_ms: int = Field(default=500, description="between two presses of a panel citizen")
 
 
 class Citizen:
@@ -100,28 +102,33 @@ class RangeCitizen(Citizen):
 
 
 class VoiceCitizen(Citizen):
-    """Somebody who says "front" every two seconds, with a heartbeat."""
+    """Somebody who says "front" again and again, with a heartbeat."""
+
+    next_word = 0.0
 
     def good(self, **changes: Any) -> object:
         self.seq += 1
         now = time.monotonic_ns()
         messages: list[Message] = [Alive(seq=self.seq, captured_ns=now)]
-        if self.seq % max(1, 2000 // self.settings.period_ms) == 0:
+        if self.due >= self.next_word:
+            self.next_word = self.due + self.settings.word_ms / 1000.0
             self.seq += 1
             messages.append(Intent(seq=self.seq, captured_ns=now, command=Command.FRONT, word="front"))
         return messages
 
 
 class PanelCitizen(Citizen):
-    """A stop device that presses RESET and ARM in turn, about once a second, until told otherwise."""
+    """A stop device that presses RESET and ARM in turn, again and again, until told otherwise."""
 
     pressed = Button.ARM
+    next_press = 0.0
 
     def good(self, **changes: Any) -> object:
         self.seq += 1
         now = time.monotonic_ns()
         messages: list[Message] = [Alive(seq=self.seq, captured_ns=now)]
-        if not (self.context.run_dir / "no-arm").exists() and self.seq % max(1, 500 // self.settings.period_ms) < 2:
+        if not (self.context.run_dir / "no-arm").exists() and self.due >= self.next_press:
+            self.next_press = self.due + self.settings.press_ms / 1000.0
             self.seq += 1
             button = Button.ARM if self.pressed is Button.RESET else Button.RESET
             self.pressed = button

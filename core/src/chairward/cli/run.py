@@ -217,8 +217,9 @@ def _signals(supervisor: Supervisor) -> Iterator[None]:
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        by_signal = supervisor.ended_reason.endswith("received")
+        for number, handler in before.items():  # who presses Ctrl-C twice still gets the summary
+            signal.signal(number, signal.SIG_IGN if by_signal else handler)
 
 
 def parse_seconds(text: str) -> float:
