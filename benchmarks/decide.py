@@ -2,8 +2,9 @@
 
     .venv/bin/python benchmarks/decide.py            writes benchmarks/results/decide.json
 
-Wall time includes whatever else the machine does; CPU time of the thread does not. The garbage collector is off, as
-it is in the guard between ticks.
+Twice: with nothing near, and with something near every second sensor, so that half of them vote. Wall time includes
+whatever else the machine does; CPU time of the thread does not. The garbage collector is off, as it is in the guard
+between ticks.
 """
 
 from __future__ import annotations
@@ -22,16 +23,18 @@ from chairward.facts import MS, Facts, Limits, SourceLimits, State
 from chairward.testing.ride import AHEAD_AND_SIDES, START_NS, chair_limits, driving, healthy, readings
 
 SENSORS = (3, 10, 30, 100)
+NEAR_MM = (3_000, 1_000)
+"""Far enough for no rule to vote about it, and within the room that rule 3 cares about."""
 DECISIONS = 20_000
 RESULTS = Path(__file__).parent / "results" / "decide.json"
 
 
-def case(sensors: int) -> tuple[State, Facts, Limits]:
-    """A chair that drives; every second sensor sees something within the room that rule 3 cares about."""
+def case(sensors: int, near_mm: int) -> tuple[State, Facts, Limits]:
+    """A chair that drives; every second sensor sees something near_mm ahead."""
     need = SourceLimits(freshness_ns=200 * MS, covers=AHEAD_AND_SIDES)
     limits = chair_limits(sensors={f"lane{i}/range": need for i in range(sensors)}, steer_deg_s=8.0)
     said = {
-        f"lane{i}/range": readings(START_NS, ahead_mm=1_100 if i % 2 else 3_000, left_mm=900, right_mm=800)
+        f"lane{i}/range": readings(START_NS, ahead_mm=near_mm if i % 2 else 3_000, left_mm=900, right_mm=800)
         for i in range(sensors)
     }
     return driving(output=Motion(300.0, 0.0)), replace(healthy(limits), ranges=said), limits
@@ -45,9 +48,9 @@ def percentiles(times_ns: list[int]) -> dict[str, float]:
     return {name: round(times_ns[int(last * share)] / 1_000, 1) for name, share in at.items()}
 
 
-def measure(sensors: int) -> dict[str, object]:
+def measure(sensors: int, near_mm: int) -> dict[str, object]:
     """Wall and CPU time of many equal decisions."""
-    state, facts, limits = case(sensors)
+    state, facts, limits = case(sensors, near_mm)
     wall, cpu = [], []
     for _ in range(DECISIONS):
         a, b = time.perf_counter_ns(), time.thread_time_ns()
@@ -55,14 +58,14 @@ def measure(sensors: int) -> dict[str, object]:
         d, c = time.thread_time_ns(), time.perf_counter_ns()
         wall.append(c - a)
         cpu.append(d - b)
-    return {"sensors": sensors, "wall_us": percentiles(wall), "cpu_us": percentiles(cpu)}
+    return {"sensors": sensors, "near_mm": near_mm, "wall_us": percentiles(wall), "cpu_us": percentiles(cpu)}
 
 
 def main() -> None:
     """Measure and write."""
     gc.collect()
     gc.disable()
-    rows = [measure(sensors) for sensors in SENSORS]
+    rows = [measure(sensors, near_mm) for near_mm in NEAR_MM for sensors in SENSORS]
     result = {
         "what": "time of one decide(), microseconds",
         "decisions": DECISIONS,

@@ -118,6 +118,8 @@ def confirm(state: State, facts: Facts, votes: list[Envelope]) -> tuple[State, b
     pressed, beats them.
     They act after the votes, and a latched chair has no wish: arming itself never moves the chair.
     """
+    if not facts.pressed:
+        return state, False, ()
     arm, refusals = False, []
     buttons = [pressed.button for pressed in facts.pressed]
     if Button.STOP in buttons or any(wish.command is Command.STOP for wish in facts.heard):

@@ -67,24 +67,24 @@ def meet(votes: Iterable[Envelope]) -> Caps:
 
 def scale(motion: Motion, caps: Caps) -> float:
     """The largest s in 0..1 with s * motion inside caps."""
+    drive, turn = motion
+    forward, backward, left, right = caps
     s = 1.0
-    for want, cap in (
-        (motion.drive_mm_s, caps.forward_mm_s),
-        (-motion.drive_mm_s, caps.backward_mm_s),
-        (motion.turn_deg_s, caps.left_deg_s),
-        (-motion.turn_deg_s, caps.right_deg_s),
-    ):
-        if want > 0.0:
-            s = min(s, cap / want)
+    if drive > forward:
+        s = forward / drive
+    if -drive > backward:
+        s = backward / -drive
+    if turn > left:
+        s = min(s, left / turn)
+    if -turn > right:
+        s = min(s, right / -turn)
     return s
 
 
 def fit(motion: Motion, caps: Caps) -> Motion:
     """The same path, slow enough for caps; STILL when a component that is wanted is closed."""
     s = scale(motion, caps)
-    if s >= 1.0:
-        return motion
-    return STILL if s <= 0.0 else Motion(motion.drive_mm_s * s, motion.turn_deg_s * s)
+    return Motion(motion.drive_mm_s * s, motion.turn_deg_s * s) if s else STILL
 
 
 def binding(motion: Motion, votes: Sequence[Envelope]) -> tuple[Envelope, ...]:

@@ -7,7 +7,7 @@ they grip the wish: WAITS (a short gap), SPENDS (a protective stop), LATCHES (a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from itertools import chain
 from math import inf
 
@@ -62,7 +62,7 @@ def freshness(scene: Scene) -> Votes:
         for name, sentence in facts.lost.items():
             if lane(name) in required:
                 yield Envelope(CLOSED, "freshness", name, sentence, Grip.WAITS)
-    for name in sorted((facts.ranges.keys() - limits.sensors.keys()) | (facts.vetoes.keys() - limits.vetoers.keys())):
+    for name in (*(facts.ranges.keys() - limits.sensors), *(facts.vetoes.keys() - limits.vetoers)):
         yield Envelope(CLOSED, "freshness", name, "is not a sensor of the chair file")
     if facts.gap_ns > limits.gap_limit_ns:
         yield Envelope(CLOSED, "freshness", "guard", f"its clock jumped by {facts.gap_ns // MS} ms", Grip.LATCHES)
@@ -147,8 +147,10 @@ def _approach_mm_s(room_mm: float, speed_mm_s: float, closing_mm_s: float, limit
     t, a = limits.reaction_s, limits.decel_mm_s2
     if room_mm <= 0.0 or (speed_mm_s > CREEP_MM_S and stopping_distance_mm(speed_mm_s, 0.0, a) > room_mm):
         return 0.0
-    creep = 0.0 if closing_mm_s else min(CREEP_MM_S, largest_speed_mm_s(CREEP_ROOM_MM, t, a))
-    return max(creep, approach_speed_mm_s(room_mm, closing_mm_s, t, a))
+    cap = approach_speed_mm_s(room_mm, closing_mm_s, t, a)
+    if cap < CREEP_MM_S and not closing_mm_s:
+        return max(cap, min(CREEP_MM_S, largest_speed_mm_s(CREEP_ROOM_MM, t, a)))
+    return cap
 
 
 # 4 -----------------------------------------------------------------------------------------------------------------
@@ -200,9 +202,9 @@ def _watches_ahead(scene: Scene, other: Seen, blind_one: str) -> bool:
     return bool(need and Way.AHEAD in need.covers and sees and lane(other.source) != lane(blind_one))
 
 
-def _only(caps: Caps, ways: frozenset[Way]) -> Caps:
+def _only(caps: Caps, ways: Collection[Way]) -> Caps:
     """The caps of these ways; the others open."""
-    return Caps(*(cap if way in ways else inf for way, cap in zip(WAYS, caps, strict=True)))
+    return Caps(*[cap if way in ways else inf for way, cap in zip(WAYS, caps, strict=True)])
 
 
 # 6 -----------------------------------------------------------------------------------------------------------------
@@ -264,12 +266,12 @@ def direction(scene: Scene) -> Votes:
     """
     limits = scene.limits
     yield Envelope(limits.caps, "direction", "", "the chair's own limit")
-    unwatched = set(WAYS)
+    unwatched: Collection[Way] = WAYS
     for s in scene.seen:
         if need := limits.sensors.get(s.source):
-            unwatched -= {way for way, mm in zip(WAYS, s[1:5], strict=True) if mm != inf and way in need.covers}
+            unwatched = [way for way in unwatched if way not in need.covers or s.mm(way) == inf]
     if unwatched:
-        yield Envelope(_only(limits.unseen, frozenset(unwatched)), "direction", "", "no sensor watches that way")
+        yield Envelope(_only(limits.unseen, unwatched), "direction", "", "no sensor watches that way")
 
 
 RULES: tuple[Callable[[Scene], Votes], ...] = (

@@ -29,6 +29,10 @@ class Seen(NamedTuple):
     blind: int
     reason: str
 
+    def mm(self, way: Way) -> float:
+        """The nearest that way."""
+        return (self.ahead_mm, self.behind_mm, self.left_mm, self.right_mm)[WAYS.index(way)]
+
 
 class Scene(NamedTuple):
     """All that a rule may look at."""

@@ -19,7 +19,7 @@ def largest_speed_mm_s(room_mm: float, reaction_s: float, decel_mm_s2: float) ->
     """The largest speed from which `room_mm` is enough to stop; 0 where there is no room."""
     if room_mm <= 0.0:
         return 0.0
-    return max(0.0, decel_mm_s2 * (sqrt(reaction_s**2 + 2.0 * room_mm / decel_mm_s2) - reaction_s))
+    return decel_mm_s2 * (sqrt(reaction_s**2 + 2.0 * room_mm / decel_mm_s2) - reaction_s)
 
 
 def approach_speed_mm_s(room_mm: float, closing_mm_s: float, reaction_s: float, decel_mm_s2: float) -> float:
