@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -31,8 +30,8 @@ class TestRecorder(ObserverContract):
     """All of the contract."""
 
     @pytest.fixture
-    def rig(self, tmp_path: Path) -> Iterator[RecorderRig]:
-        yield RecorderRig(tmp_path)
+    def rig(self, tmp_path: Path) -> RecorderRig:
+        return RecorderRig(tmp_path)
 
     def test_what_it_took_can_be_read_back(self, rig: RecorderRig) -> None:
         self._takes(rig, ride(100))

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from chairward_ultrasonic_ring import chairward_sources
 from chairward_ultrasonic_ring.line import WAYS, decode, encode, newest
-from chairward_ultrasonic_ring.simulated import SimulatedRing, damaged
 from hypothesis import given
 from hypothesis import strategies as st
 
 from chairward.messages import Way
-from chairward.testing import FrozenContract, SensorContract, SensorRig
+from chairward.testing import FrozenContract, PtyDevice, SensorContract, SensorRig
+from chairward.testing.pty_device import damaged
 
 
 class RingRig(SensorRig):
@@ -26,45 +26,50 @@ class RingRig(SensorRig):
     def __init__(self, folder: Path) -> None:
         self.name = str(folder / "ring")
         self.settings = {"port": self.name}
-        self.ring = SimulatedRing(folder / "ring")
+        self.count, self.ways = 0, dict.fromkeys(WAYS, 2000)
+        self.board = PtyDevice(folder / "ring", self.truth)
+
+    def truth(self) -> bytes:
+        self.count += 1
+        return encode(self.count, self.ways)
 
     def show(self, distance_mm: int | None) -> None:
-        self.ring.ways["behind"] = distance_mm or 0
-        self.ring.send(self.ring.truth)
+        self.ways["behind"] = distance_mm or 0
+        self.board.send(self.truth)
 
     def blind(self) -> None:
-        self.ring.ways["behind"] = -1
-        self.ring.send(self.ring.truth)
+        self.ways["behind"] = -1
+        self.board.send(self.truth)
 
     def silence(self) -> None:
-        self.ring.send(lambda: b"")
+        self.board.send(lambda: b"")
 
     def noise(self) -> None:
-        self.ring.send(lambda: damaged(self.ring.truth()))
+        self.board.send(lambda: damaged(self.truth()))
 
     def half(self) -> None:
-        pieces = iter([self.ring.truth()[:9]])
-        self.ring.send(lambda: next(pieces, b""))
+        pieces = iter([self.truth()[:9]])
+        self.board.send(lambda: next(pieces, b""))
 
     def impossible(self) -> None:
         lies = cycle(encode(count, dict.fromkeys(WAYS, mm)) for count, mm in enumerate((-7, 65535, 10**30, 3)))
-        self.ring.send(lambda: next(lies))
+        self.board.send(lambda: next(lies))
 
     def flood(self) -> None:
-        self.ring.send(lambda: b"".join(self.ring.truth() for _ in range(20)), period_s=0.002)
+        self.board.send(lambda: b"".join(self.truth() for _ in range(20)), period_s=0.002)
 
     def freeze(self) -> None:
-        line = self.ring.truth()
-        self.ring.send(lambda: line)
+        line = self.truth()
+        self.board.send(lambda: line)
 
     def unplug(self) -> None:
-        self.ring.unplug()
+        self.board.unplug()
 
     def plug(self) -> None:
-        self.ring.plug()
+        self.board.plug()
 
     def close(self) -> None:
-        self.ring.close()
+        self.board.close()
 
 
 class TestUltrasonicRing(SensorContract, FrozenContract):

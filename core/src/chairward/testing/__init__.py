@@ -26,6 +26,7 @@ from chairward.testing.drive_extras import (  # noqa: E402
 )
 from chairward.testing.drive_rig import DriveRig  # noqa: E402
 from chairward.testing.observer_contract import ObserverContract, ObserverRig  # noqa: E402
+from chairward.testing.pty_device import PtyDevice  # noqa: E402
 from chairward.testing.recognizer_contract import RecognizerContract, RecognizerRig  # noqa: E402
 from chairward.testing.sensor_contract import FrozenContract, SensorContract, SensorRig  # noqa: E402
 from chairward.testing.source_contract import FiniteSourceContract, SourceContract, SourceRig  # noqa: E402
@@ -42,6 +43,7 @@ __all__ = [
     "ObserverRig",
     "Piped",
     "PowerContract",
+    "PtyDevice",
     "RampContract",
     "RecognizerContract",
     "RecognizerRig",
