@@ -112,6 +112,8 @@ class Rig:
     code: int | None = None
     error: BaseException | None = None
     pins: Path | None = None
+    """Where the controller publishes them, if not in the run's folder."""
+    looks_at_pins: bool = True
 
     def wait(self, condition: Callable[[], bool], what: str, seconds: float = 40.0) -> None:
         """Wait for something to become true; fails with `what` and the log of the run."""
@@ -131,7 +133,9 @@ class Rig:
 
     def driving(self) -> bool:
         """The guard commands motion, and the pins turn the wheels."""
-        return bool(self.records) and self.records[-1].decision.motion.drive_mm_s > 50.0 and self.duty() > 0.0
+        if not self.records or self.records[-1].decision.motion.drive_mm_s <= 50.0:
+            return False
+        return self.duty() > 0.0 or not self.looks_at_pins
 
     def duty(self) -> float:
         """The drive motor's duty at the controller's pins, 0..1; 0 when its brake is on."""
@@ -175,12 +179,12 @@ class Rig:
         return "\n".join([*sorted(set(said)), *self.supervisor.events])
 
 
-def load(folder: Path, chair: str = CHAIR, sets: tuple[str, ...] = ()) -> Plan:
+def load(folder: Path, chair: str = CHAIR, sets: tuple[str, ...] = (), *, drive: str = "pic_serial") -> Plan:
     """The zoo's plan, through the real loader."""
     (folder / "chairs").mkdir(exist_ok=True)
     (folder / "people").mkdir(exist_ok=True)
     (folder / "chairs" / "zoo.toml").write_text(chair)
-    (folder / "people" / "keeper.toml").write_text(PERSON)
+    (folder / "people" / "keeper.toml").write_text(PERSON.replace("pic_serial", drive))
     return profile.load("zoo", "keeper", list(sets), discover(), profiles_dir=folder)
 
 
@@ -190,10 +194,12 @@ def outside(folder: Path) -> str:
 
 
 @contextmanager
-def running(plan: Plan, run_dir: Path, *, until_driving: bool = True, pins: Path | None = None) -> Iterator[Rig]:
+def running(
+    plan: Plan, run_dir: Path, *, until_driving: bool = True, pins: Path | None = None, looks_at_pins: bool = True
+) -> Iterator[Rig]:
     """Start everything, wait until the chair drives, and end everything."""
     run_dir.mkdir(mode=0o700, exist_ok=True)
-    rig = Rig(run_dir, Supervisor(plan, run_dir, lambda record: None), pins=pins)
+    rig = Rig(run_dir, Supervisor(plan, run_dir, lambda record: None), pins=pins, looks_at_pins=looks_at_pins)
     rig.supervisor.on_record = rig.records.append
 
     def work() -> None:
@@ -240,9 +246,9 @@ class Started:
 
 
 @contextmanager
-def chairward_run(folder: Path, *, terminal: bool = False) -> Iterator[Started]:
-    """`chairward run` as people start it, driving the chair of `outside(folder)`; what is left of it is ended."""
-    for name, text in (("chairs/zoo", outside(folder)), ("people/keeper", PERSON)):
+def chairward_run(folder: Path, *, terminal: bool = False, more: str = "") -> Iterator[Started]:
+    """`chairward run` as people start it, driving the chair of `outside(folder)` and `more`; what is left is ended."""
+    for name, text in (("chairs/zoo", outside(folder) + more), ("people/keeper", PERSON)):
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / f"{name}.toml").write_text(text)
     (folder / "tmp").mkdir(exist_ok=True)

@@ -1,0 +1,353 @@
+"""Two hundred runs of each fault while a chair drives: how long until it is told to stop, or its wheels are off.
+
+    .venv/bin/python benchmarks/faults.py [--runs 200] [--kinds lane_killed,can_silent] [--minutes 7]
+    .venv/bin/python benchmarks/faults.py --report          writes benchmarks/results/faults.json from what there is
+
+Real processes in real time (the rig of tests/safety). Every run is kept in WORK as one line, so a call that ends after
+--minutes is gone on with by the next. Bounds: "stop": a stop is commanded within the limit of what fell silent + 30 ms.
+"off": the outputs at the controller's own pins are off within its time-out + 50 ms. "firmware": the same in the
+firmware's own time, + 10 ms. What the processors gave to somebody else meanwhile (steal) is told of each outlier.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import platform
+import random
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT / "tests" / "safety"), str(ROOT / "tests" / "safety" / "zoo")]
+RESULTS = ROOT / "benchmarks" / "results" / "faults.json"
+
+from rig import CHAIR, MS, Rig, chairward_run, controller, load, outside, running, stamped_duty  # noqa: E402
+
+from chairward import supervisor  # noqa: E402
+from chairward.components import STILL, Motion  # noqa: E402
+from chairward_drive_pic_serial.engine import Engine, ModelEngine  # noqa: E402
+from chairward_drive_pic_serial.gpsim import Gpsim  # noqa: E402
+from chairward_drive_pic_serial.rig import PicRig  # noqa: E402
+
+WATCHDOG_NS = 200 * MS
+STOP_SLACK_NS, OFF_SLACK_NS, FIRMWARE_SLACK_NS = 30 * MS, 50 * MS, 10 * MS
+LIMIT_NS = {"front": 200 * MS, "voice": 300 * MS, "panel": 300 * MS, "drive": 200 * MS}
+EAGER = """
+[settings.voice_citizen]
+word_ms = 150
+[settings.panel_citizen]
+press_ms = 60
+"""
+CAN = """
+[drive.can]
+dialect = "rnet"
+interface = "slcan"
+channel = "{run}/can"
+acknowledged = true
+silence_stop_ms = 200
+silence_stop_measured = 2026-11-22
+[drive.can.rnet]
+takeover = "follow"
+hazard_accepted = "two senders, the chair may jerk"
+settle_ms = 300
+[companion.pic]
+component = "sim_can"
+"""
+Sample = dict[str, Any]
+RUNS: dict[str, Callable[[Path], Iterator[Sample]]] = {}
+
+
+def kind(run: Callable[[Path], Iterator[Sample]]) -> Callable[[Path], Iterator[Sample]]:
+    """One kind of fault: gives one sample after the other."""
+    RUNS[run.__name__] = run
+    return run
+
+
+def sample(who: str, took_ns: float, bound_ns: int) -> Sample:
+    """One run: what failed, how long it took, how long it may."""
+    return {"who": who, "ms": round(took_ns / MS, 2), "bound_ms": bound_ns / MS}
+
+
+def told_to_stop(rig: Rig, fault: Callable[[], object]) -> int:
+    """From the fault until the first command to stand was written, ns."""
+    rig.wait(rig.driving, "the chair to drive")
+    del rig.records[:-1]
+    time.sleep(random.uniform(0.0, 0.04))
+    began = time.monotonic_ns()
+    fault()
+    rig.wait(lambda: rig.first_still_after(began) is not None, "a stop", 20.0)
+    still = rig.first_still_after(began)
+    assert still is not None
+    return still.wrote_ns - began
+
+
+def off(pins: Path, fault: Callable[[], object]) -> float:
+    """From the fault until the controller's pins were off, by its own clock stamps, ns."""
+    end = time.monotonic() + 20.0
+    while stamped_duty(pins)[1] == 0.0:
+        if time.monotonic() > end:
+            raise AssertionError("the chair does not drive")
+        time.sleep(0.005)
+    time.sleep(random.uniform(0.0, 0.04))
+    began = time.monotonic_ns()
+    fault()
+    while True:
+        stamp_ns, duty = stamped_duty(pins)
+        if duty == 0.0 and stamp_ns > began:
+            return stamp_ns - began
+        time.sleep(0.0005)
+
+
+@contextlib.contextmanager
+def chair(folder: Path, text: str = CHAIR, *, pins: Path | None = None, drive: str = "pic_serial") -> Iterator[Rig]:
+    """A driving chair whose people press and speak all the time and whose lanes come back at once."""
+    supervisor.BACK_OFF_S = (0.02,)
+    plan = load(folder, text + EAGER, drive=drive)
+    with running(plan, folder / "run", pins=pins, looks_at_pins=drive == "pic_serial") as rig:
+        yield rig
+
+
+# ---- a lane fails ---------------------------------------------------------------------------------------------------
+@kind
+def lane_killed(folder: Path) -> Iterator[Sample]:
+    with chair(folder) as rig:
+        for nth in count():
+            lane = ("front", "voice", "panel")[nth % 3]
+            pid = rig.pid(lane)
+            took_ns = told_to_stop(rig, lambda pid=pid: os.kill(pid, signal.SIGKILL))
+            yield sample(lane, took_ns, LIMIT_NS[lane] + STOP_SLACK_NS)
+
+
+@kind
+def lane_stopped(folder: Path) -> Iterator[Sample]:
+    with chair(folder) as rig:
+        for nth in count():
+            lane = ("front", "voice", "panel")[nth % 3]
+            pid = rig.pid(lane)
+            took_ns = told_to_stop(rig, lambda pid=pid: os.kill(pid, signal.SIGSTOP))
+            os.kill(pid, signal.SIGCONT)
+            yield sample(lane, took_ns, LIMIT_NS[lane] + STOP_SLACK_NS)
+
+
+def _turned(folder: Path, how: str) -> Iterator[Sample]:
+    """The sensor's process turns into an animal of the zoo, and is ended once the chair was told to stop."""
+    with chair(folder) as rig:
+        while True:
+            pid = rig.pid("front")
+            took_ns = told_to_stop(rig, lambda: rig.misbehave("front", how))
+            rig.behave("front")
+            os.kill(pid, signal.SIGKILL)
+            rig.wait(lambda pid=pid: rig.pid("front") != pid, "a new process")
+            yield sample("front", took_ns, LIMIT_NS["front"] + PERIOD_NS + STOP_SLACK_NS)
+
+
+PERIOD_NS = 33 * MS
+"""A citizen looks for its cue once a period: so much later may it turn."""
+
+
+@kind
+def socket_closed(folder: Path) -> Iterator[Sample]:
+    return _turned(folder, "close_socket")
+
+
+@kind
+def gil_held(folder: Path) -> Iterator[Sample]:
+    return _turned(folder, "hold_gil")
+
+
+@kind
+def flood(folder: Path) -> Iterator[Sample]:
+    """How old the sensor's newest reading was when it still allowed motion: who floods goes stale or stays in time."""
+    with chair(folder) as rig:
+        while True:
+            rig.wait(rig.driving, "the chair to drive")
+            began = rig.misbehave("front", "flood")
+            rig.wait(lambda began=began: rig.records[-1].facts.now_ns > began + 600 * MS, "the flood", 10.0)
+            rig.behave("front")
+            ages = [
+                r.wrote_ns - r.facts.ranges["front/range_citizen"][-1].captured_ns
+                for r in list(rig.records)
+                if r.facts.now_ns > began and r.decision.motion != (0.0, 0.0)
+            ]
+            late = max(r.woke_ns - r.due_ns for r in list(rig.records) if r.facts.now_ns > began and r.periodic)
+            del rig.records[:-1]
+            yield {
+                **sample("front", max(ages, default=0), LIMIT_NS["front"] + STOP_SLACK_NS),
+                "tick_late_ms": round(late / MS, 2),
+            }
+
+
+# ---- what commands fails --------------------------------------------------------------------------------------------
+@kind
+def guard_stopped(folder: Path) -> Iterator[Sample]:
+    with chair(folder) as rig:
+        pid = rig.pid("guard")
+        while True:
+            rig.wait(rig.driving, "the chair to drive")
+            took_ns = off(rig.run_dir / "pins", lambda: os.kill(pid, signal.SIGSTOP))
+            os.kill(pid, signal.SIGCONT)
+            yield sample("guard", took_ns, WATCHDOG_NS + OFF_SLACK_NS)
+
+
+@kind
+def guard_killed(folder: Path) -> Iterator[Sample]:
+    with controller(folder):
+        for nth in count():
+            run_dir = folder / f"run-{nth}"
+            with running(load(folder, outside(folder) + EAGER), run_dir, pins=folder / "pins") as rig:
+                pid = rig.pid("guard")
+                took_ns = off(folder / "pins", lambda pid=pid: os.kill(pid, signal.SIGKILL))
+            yield sample("guard", took_ns, WATCHDOG_NS + OFF_SLACK_NS)
+
+
+@kind
+def supervisor_stopped(folder: Path) -> Iterator[Sample]:
+    with controller(folder), chairward_run(folder, more=EAGER) as run:
+        while True:
+            took_ns = off(folder / "pins", lambda: os.kill(run.pid, signal.SIGSTOP))
+            os.kill(run.pid, signal.SIGCONT)
+            yield sample("supervisor", took_ns, WATCHDOG_NS + OFF_SLACK_NS)
+
+
+@kind
+def supervisor_killed(folder: Path) -> Iterator[Sample]:
+    with controller(folder):
+        while True:
+            with chairward_run(folder, more=EAGER) as run:
+                took_ns = off(folder / "pins", lambda pid=run.pid: os.kill(pid, signal.SIGKILL))
+                yield sample("supervisor", took_ns, WATCHDOG_NS + OFF_SLACK_NS)
+
+
+# ---- the line to the wheels fails -----------------------------------------------------------------------------------
+@kind
+def unplugged(folder: Path) -> Iterator[Sample]:
+    with controller(folder) as far_end, chair(folder, outside(folder), pins=folder / "pins") as rig:
+        while True:
+            rig.wait(rig.driving, "the chair to drive")
+            took_ns = off(folder / "pins", lambda: far_end.send_signal(signal.SIGUSR1))
+            far_end.send_signal(signal.SIGUSR2)
+            del rig.records[:-1]
+            yield sample("port", took_ns, WATCHDOG_NS + OFF_SLACK_NS)
+
+
+@kind
+def can_silent(folder: Path) -> Iterator[Sample]:
+    text = CHAIR.partition("[drive.pic_serial]")[0] + CAN
+    with chair(folder, text, drive="can") as rig:
+        pid = rig.pid("pic")
+        while True:
+            took_ns = told_to_stop(rig, lambda: os.kill(pid, signal.SIGSTOP))
+            os.kill(pid, signal.SIGCONT)
+            yield sample("controller", took_ns, LIMIT_NS["drive"] + STOP_SLACK_NS)
+
+
+def _silence(engine: Engine, folder: Path) -> Iterator[Sample]:
+    """The host dies, or its cable is pulled, at a random moment at full speed: in the firmware's own time."""
+    rig = PicRig(engine, folder)
+    for nth in count():
+        rig.go(Motion(rig.full.drive_mm_s, 0.0), 0.1)
+        rig.drive.command(rig.now_ns(), Motion(rig.full.drive_mm_s, 0.0))
+        rig.step(random.randint(1, 1000))
+        began = rig.now_ns()
+        if nth % 2:
+            rig.unplug()
+        while rig.wheels() != STILL:
+            rig.step(500)
+        took_ns = rig.now_ns() - began
+        if nth % 2:
+            rig.plug()
+        rig.connect(5.0)
+        yield sample("cable" if nth % 2 else "host", took_ns, WATCHDOG_NS + FIRMWARE_SLACK_NS)
+
+
+@kind
+def silence_model(folder: Path) -> Iterator[Sample]:
+    return _silence(ModelEngine(), folder)
+
+
+@kind
+def silence_gpsim(folder: Path) -> Iterator[Sample]:
+    return _silence(Gpsim(), folder)
+
+
+# ---- keeping count --------------------------------------------------------------------------------------------------
+def steal_ms() -> float:
+    """What this virtual machine's processors gave to others since it started."""
+    return float(Path("/proc/stat").read_text().split("\n", 1)[0].split()[8]) * 1_000.0 / os.sysconf("SC_CLK_TCK")
+
+
+def kept(work: Path) -> list[Sample]:
+    """The runs so far."""
+    return [json.loads(line) for line in work.read_text().splitlines()] if work.exists() else []
+
+
+def run(name: str, runs: int, until_s: float, work: Path) -> None:
+    """Runs of one kind until there are enough, or the time is over."""
+    missing = runs - sum(one["kind"] == name for one in kept(work))
+    if missing <= 0 or time.monotonic() > until_s:
+        return
+    with tempfile.TemporaryDirectory() as folder, contextlib.closing(RUNS[name](Path(folder))) as samples:  # type: ignore[type-var]
+        before = steal_ms()
+        for one, _ in zip(samples, range(missing), strict=False):
+            now = steal_ms()
+            line = {"kind": name, **one, "steal_ms": now - before}
+            before = now
+            with work.open("a") as file:
+                file.write(json.dumps(line) + "\n")
+            print(line, flush=True) if one["ms"] > one["bound_ms"] else None
+            if time.monotonic() > until_s:
+                return
+
+
+def report(samples: list[Sample]) -> dict[str, Any]:
+    """By kind: how many, percentiles, and every run beyond its bound."""
+    rows = {}
+    for name in RUNS:
+        mine = [one for one in samples if one["kind"] == name]
+        times = sorted(one["ms"] for one in mine)
+        if times:
+            at = {"p50": 0.5, "p99": 0.99, "max": 1.0}
+            rows[name] = {
+                "runs": len(times),
+                "bound_ms": sorted({one["bound_ms"] for one in mine}),
+                **{key: times[int((len(times) - 1) * share)] for key, share in at.items()},
+                "outliers": [one for one in mine if one["ms"] > one["bound_ms"]],
+            }
+    return rows
+
+
+def main() -> None:
+    """Run what is missing, or write the report."""
+    import chairward_zoo
+
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=int, default=200)
+    parser.add_argument("--kinds", default=",".join(RUNS))
+    parser.add_argument("--minutes", type=float, default=7.0)
+    parser.add_argument("--work", type=Path, default=Path(tempfile.gettempdir()) / "chairward-faults.jsonl")
+    parser.add_argument("--report", action="store_true")
+    options = parser.parse_args()
+    if options.report:
+        about = {"python": platform.python_version(), "cpus": os.cpu_count(), "what": " ".join(__doc__.split())}
+        RESULTS.write_text(json.dumps({**about, "kinds": report(kept(options.work))}, indent=1) + "\n")
+        return
+    until_s = time.monotonic() + options.minutes * 60.0
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["PYTHONPATH"] = str(chairward_zoo.install(Path(folder)))
+        sys.path.insert(0, folder)
+        for name in options.kinds.split(","):
+            run(name, options.runs, until_s, options.work)
+    print(json.dumps(report(kept(options.work)), indent=1))
+
+
+if __name__ == "__main__":
+    main()
