@@ -1,15 +1,17 @@
 """Coverage-guided fuzzing of everything that reads a CAN bus: the slcan line, the decoders, the three dialects.
 
-    pip install atheris; python benchmarks/fuzz_can.py [seconds]
+    pip install atheris; python benchmarks/fuzz_can.py [seconds]     writes benchmarks/results/fuzz_can.json
 
 No input may raise, and unarmed no input may bring about a frame that moves. Ends with an error at the first that does.
 """
 
 from __future__ import annotations
 
-import importlib
+import inspect
 import sys
 from typing import Any
+
+from fuzzing import fuzz
 
 from chairward.components import Motion
 from chairward_drive_can import canopen_frames, describe, rnet, slcan
@@ -36,7 +38,7 @@ def moves(frame: Frame) -> bool:
     return any(frame.data[2:]) if len(frame.data) == 6 else frame.data != b"\0\0"
 
 
-def one(data: bytes) -> None:
+def one(data: bytes, _provider: Any) -> None:
     """Read `data` as a serial line; hand every frame in it to everything that reads frames."""
     frames = [frame for line in slcan.LineSplitter().feed(data) if (frame := slcan.decode(line))]
     if len(data) >= 5:  # and as one raw frame, so that the fuzzer need not learn hexadecimal first
@@ -60,25 +62,15 @@ def one(data: bytes) -> None:
 describe_dbc = describe.describe_dbc(DATABASE)
 
 
-def main() -> int:
-    try:
-        atheris: Any = importlib.import_module("atheris")
-    except ImportError:
-        print("atheris is not installed: pip install atheris", file=sys.stderr)
-        return 2
-    for function in (
-        slcan.decode,
-        rnet.decode,
-        rnet._decode_extended,
-        rnet._decode_standard,
-        canopen_frames.sdo_answer,
-    ):
-        function.__code__ = atheris.instrument_func(function).__code__
-    seconds = sys.argv[1] if len(sys.argv) > 1 else "60"
-    atheris.Setup([sys.argv[0], f"-max_total_time={seconds}", "-max_len=200"], one)
-    atheris.Fuzz()
-    return 0
+FUNCTIONS = (
+    slcan.decode,
+    rnet.decode,
+    rnet._decode_extended,
+    rnet._decode_standard,
+    canopen_frames.sdo_answer,
+    *(f for kind in (RnetDialect, DbcDialect, Cia402Dialect) for f in vars(kind).values() if inspect.isfunction(f)),
+)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(fuzz("fuzz_can", FUNCTIONS, one, max_len=200))

@@ -1,6 +1,6 @@
 """Period of the R-Net joystick frames that the drive sends, as they arrive at the other end of an slcan adapter's pty.
 
-    python benchmarks/rnet_period.py [--seconds 20] [--busy 2] [--no-fifo]
+    python benchmarks/rnet_period.py [--seconds 60] [--busy 2] [--no-fifo]   writes benchmarks/results/rnet_period.json
 
 The sender is a guard's loop in a process of its own (takeover jsm_error: one frame a tick), with SCHED_FIFO and locked
 memory where allowed; --busy starts that many processes that never rest. The receiver only stamps lines.
@@ -11,13 +11,14 @@ from __future__ import annotations
 import argparse
 import contextlib
 import multiprocessing
-import os
 import select
 import sys
 import tempfile
 import time
 from itertools import pairwise
 from pathlib import Path
+
+from report import machine, save
 
 from chairward import realtime
 from chairward.components import STILL, DriveError, Motion
@@ -29,7 +30,7 @@ from chairward_drive_can.partners.run import AdapterPty, turn_round
 from chairward_drive_can.settings import CanSettings
 from chairward_drive_can.takeover import MODES
 
-PERIOD_MS = 10.0
+PERIOD_MS, TOLERANCE_MS = 10.0, 0.5
 
 
 def never_rest() -> None:
@@ -99,7 +100,7 @@ class Stamps:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--busy", type=int, default=2)
     parser.add_argument("--no-fifo", action="store_true")
     options = parser.parse_args()
@@ -119,25 +120,26 @@ def main() -> int:
             process.kill()
         end.close()
         sent_ns = [int(word) for word in Path(folder, "can.sent").read_text().split()]
-    fifo = "no SCHED_FIFO" if options.no_fifo else "SCHED_FIFO"
-    print(f"{options.busy} busy neighbours, {fifo}, load {os.getloadavg()[0]:.1f}")
-    tell("left the drive", sent_ns)
-    tell("arrived at the far end of the pty", stamps.at_ns)
+    result = {
+        "what": "gaps between two R-Net joystick frames, milliseconds; 10 is wanted",
+        "busy_neighbours": options.busy,
+        "sched_fifo": not options.no_fifo,
+        "left_the_drive": told(sent_ns),
+        "arrived_behind_the_pty": told(stamps.at_ns),
+    }
+    print(result)
+    if not options.no_fifo:
+        save("rnet_period", result | machine())
     return 0
 
 
-def tell(what: str, at_ns: list[int]) -> None:
-    """Quantiles of the gaps."""
+def told(at_ns: list[int]) -> dict[str, float]:
+    """Quantiles of the gaps, and how many of them are off."""
     gaps = sorted((then - now) / 1e6 for now, then in pairwise(at_ns))
-    if not gaps:
-        print(f"  {what}: none")
-        return
-    p1, p50, p99 = (gaps[int((len(gaps) - 1) * share)] for share in (0.01, 0.5, 0.99))
-    outside = sum(abs(gap - PERIOD_MS) > 0.5 for gap in gaps) / len(gaps)
-    print(
-        f"  {what}: {len(gaps)} periods, ms p1 {p1:.2f} p50 {p50:.2f} p99 {p99:.2f} max {gaps[-1]:.2f}; "
-        f"{outside:.2%} off by more than 0.5 ms"
-    )
+    at = {"p1": 0.01, "p50": 0.5, "p99": 0.99, "p99_9": 0.999, "max": 1.0}
+    quantiles = {name: round(gaps[int((len(gaps) - 1) * share)], 3) for name, share in at.items()}
+    outside = sum(abs(gap - PERIOD_MS) > TOLERANCE_MS for gap in gaps)
+    return {"n": len(gaps), **quantiles, "off_by_more_than_0.5_ms": outside}
 
 
 if __name__ == "__main__":

@@ -100,8 +100,12 @@ class GpsimOnPty:
         return self._link.is_symlink()
 
     def unplug(self) -> None:
-        """Pull the cable out, and plug it in again: the port vanishes, and a new one takes its name."""
+        """Pull the cable out: the port vanishes."""
         self.process.send_signal(signal.SIGUSR1)
+
+    def plug(self) -> None:
+        """Plug it in again: a new port takes its name, soon."""
+        self.process.send_signal(signal.SIGUSR2)
 
     def close(self) -> None:
         """End it; may be called twice."""

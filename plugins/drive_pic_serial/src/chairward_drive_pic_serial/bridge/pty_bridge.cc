@@ -8,7 +8,7 @@
 //   CHAIRWARD_PINS                file of chairward.shared_state with the ten values of PIN_NAMES
 //   CHAIRWARD_LOG                 optional: one line for each byte that arrived and for each change of the pins
 //   CHAIRWARD_STATE, _FAULT       addresses of two bytes of the firmware's RAM
-// SIGUSR1 pulls the cable out and plugs it in again: the pty goes, and a new one takes its name.
+// SIGUSR1 pulls the cable out (the pty goes), SIGUSR2 plugs it in again (a new one takes its name).
 
 #include <cerrno>
 #include <csignal>
@@ -59,8 +59,8 @@ const char *told(const char *name, const char *otherwise = nullptr) {
   return value ? value : otherwise;
 }
 
-volatile sig_atomic_t unplugged = 0;
-void on_signal(int) { unplugged = 1; }
+volatile sig_atomic_t wanted_in = 1;          // the cable
+void on_signal(int number) { wanted_in = number == SIGUSR2; }
 
 class Bridge;
 
@@ -100,6 +100,7 @@ class Bridge : public Module {
     map_pins(told("CHAIRWARD_PINS"));
     if (const char *path = getenv("CHAIRWARD_LOG")) log = fopen(path, "w");
     signal(SIGUSR1, on_signal);
+    signal(SIGUSR2, on_signal);
     plug();
     get_cycles().set_break(get_cycles().get() + 1, &poll_at);
   }
@@ -191,6 +192,14 @@ class Bridge : public Module {
     }
   }
 
+  void unplug() {
+    unlink(link.c_str());
+    close(slave);
+    close(master);
+    master = slave = -1;
+    waiting.clear();
+  }
+
   void map_pins(const char *path) {
     const int file = open(path, O_RDWR | O_CLOEXEC);
     struct stat about;
@@ -258,7 +267,7 @@ void Bridge::rx_sample() {                    // in the middle of each bit, then
   }
   receiving = false;
   const uint8_t byte = uint8_t(rx_byte);
-  if (state && write(master, &byte, 1) != 1 && errno != EAGAIN) perror("pty bridge: write");
+  if (state && master >= 0 && write(master, &byte, 1) != 1 && errno != EAGAIN) perror("pty bridge: write");
 }
 
 void Bridge::tx_step() {                      // start bit, eight bits, stop bit; then the next byte, if there is one
@@ -291,15 +300,9 @@ void Bridge::poll() {
   } else if (-ahead > BEHIND_NS) {
     wall0 -= ahead;
   }
-  if (unplugged) {
-    unplugged = 0;
-    close(slave);
-    close(master);
-    waiting.clear();
-    plug();
-  }
+  if (wanted_in != (master >= 0)) wanted_in ? plug() : unplug();
   uint8_t bytes[256];
-  const ssize_t count = read(master, bytes, sizeof bytes);
+  const ssize_t count = master >= 0 ? read(master, bytes, sizeof bytes) : 0;
   for (ssize_t i = 0; i < count; i++) waiting.push_back(bytes[i]);
   if (!sending) tx_step();
   publish();
