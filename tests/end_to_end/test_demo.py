@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from chairward.recording import read
-from chairward.replay import read_plan, replay
+from chairward.recording import read, read_plan
+from chairward.replay import replay
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(480)]
 

@@ -10,6 +10,7 @@ import signal
 import sys
 import threading
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -57,7 +58,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     part = parts[options.name]
     component = discover_only([part.plugin]).get(options.kind, part.component)
     settings = component.settings.model_validate(plan.fill_run_dir(part.settings, run_dir))
-    thing = component.make(settings, the_plan.context(options.name, Pose(), run_dir))
+    context = replace(the_plan.context(options.name, Pose(), run_dir), frames=options.rings)
+    thing = component.make(settings, context)
     return _companion(thing, options.pipe) if options.kind == "companion" else _observer(thing, options.pipe)
 
 

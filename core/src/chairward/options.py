@@ -32,10 +32,14 @@ class LaneOptions(msgspec.Struct, frozen=True):
 
 
 class BesideOptions(msgspec.Struct, frozen=True):
-    """kind: companion or observer. pipe: where a companion says "ready", where an observer gets its records."""
+    """kind: companion or observer. pipe: where a companion says "ready", where an observer gets its records.
+
+    rings: for an observer, every lane's pictures, read-only.
+    """
 
     plan: str
     run_dir: str
     kind: str
     name: str
     pipe: int
+    rings: dict[str, int] = {}

@@ -58,7 +58,10 @@ class LanePlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """Everything a run needs. Paths in settings have been made absolute; "{run}" in them is the run's folder."""
+    """Everything a run needs. Paths in settings have been made absolute; "{run}" in them is the run's folder.
+
+    recorder: how `chairward run` records, where the chair file names no recorder of its own.
+    """
 
     chair: str
     chair_file: str
@@ -74,6 +77,7 @@ class Plan:
     lanes: tuple[LanePlan, ...]
     companions: Mapping[str, Part] = field(default_factory=dict)
     observers: Mapping[str, Part] = field(default_factory=dict)
+    recorder: Part = field(default_factory=lambda: Part(component="recorder", plugin="core"))
 
     def context(self, lane: str, pose: Pose, run_dir: Path) -> Context:
         """What a component of `lane` is told."""

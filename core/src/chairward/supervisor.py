@@ -142,9 +142,13 @@ class Supervisor:
             outs += [records_end] if records_end is not None else []
         for name in self.plan.observers:
             ours, theirs = wire.pair(RECORD_BUFFER_BYTES)
-            options = BesideOptions(str(self._plan_file), str(self.run_dir), "observer", name, theirs.fileno())
-            self.observers[name] = spawn(self.run_dir, "chairward.beside", options, name, [theirs.fileno()])
+            rings = {lane: frames.read_only(fd) for lane, fd in self.rings.items()}
+            options = BesideOptions(str(self._plan_file), str(self.run_dir), "observer", name, theirs.fileno(), rings)
+            fds = [theirs.fileno(), *rings.values()]
+            self.observers[name] = spawn(self.run_dir, "chairward.beside", options, name, fds)
             theirs.close()
+            for fd in rings.values():
+                os.close(fd)
             outs.append(ours)
         self._records, ours = wire.pair(RECORD_BUFFER_BYTES)
         outs.append(ours)

@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from chairward.cli import check, doctor, plugins, profile_edit, replay, run, sim
+from chairward.cli import check, doctor, plugins, profile_edit, record, replay, run, sim
 from chairward.plugins import discover
 
 app = typer.Typer(
@@ -26,6 +26,7 @@ app.command("doctor")(doctor.doctor)
 app.command("replay")(replay.replay)
 app.add_typer(profile_edit.app, name="profile")
 app.add_typer(check.app, name="check")
+app.add_typer(record.app, name="record")
 
 
 def main() -> None:

@@ -26,13 +26,14 @@ from rich.text import Text
 from chairward import next_run, profile
 from chairward.facts import Decision, Instruction
 from chairward.messages import Way
-from chairward.plan import ChairKind, Part, Plan
+from chairward.plan import ChairKind, Plan
 from chairward.plugins import PluginError, discover
 from chairward.records import Record
 from chairward.summary import Summary, against_truth
 from chairward.supervisor import RunError, Supervisor
 
 KEEP_RECORDINGS = 20
+KEEP_BYTES = 4_000_000_000
 LIVE_S = 0.1
 _SIGN = {
     Instruction.WAY_CLEAR: ("●", "green"),
@@ -151,7 +152,7 @@ def _recorded(plan: Plan, file: Path | None) -> Plan:
     if file is None:
         return plan
     file.parent.mkdir(parents=True, exist_ok=True)
-    recorder = Part(component="recorder", settings={"path": str(file.resolve())}, plugin="core")
+    recorder = replace(plan.recorder, settings={**plan.recorder.settings, "path": str(file.resolve())})
     return replace(plan, observers={**plan.observers, "recorder": recorder})
 
 
@@ -231,11 +232,14 @@ def parse_seconds(text: str) -> float:
 
 
 def default_recording() -> Path:
-    """A new file in the person's state folder; of the older ones the last few are kept."""
+    """A new file in the person's state folder; of the older ones the last few are kept, and not too much of them."""
     folder = Path(platformdirs.user_state_dir("chairward")) / "recordings"
     folder.mkdir(parents=True, exist_ok=True)
-    for old in sorted(folder.glob("*.mcap"))[: -KEEP_RECORDINGS + 1]:
-        old.unlink()
+    left = KEEP_BYTES
+    for nth, old in enumerate(sorted(folder.glob("*.mcap"), reverse=True), start=1):
+        left -= old.stat().st_size
+        if nth >= KEEP_RECORDINGS or left < 0:
+            old.unlink()
     return folder / time.strftime("%Y-%m-%d-%H%M%S.mcap")
 
 

@@ -24,6 +24,9 @@ from chairward.profile.models import Chair, LimitsTable, Person
 from chairward.profile.proof import Proof, prove
 from chairward.profile.settings import Layer, Slot, parts
 
+RECORDER = "recorder"
+"""The observer that `chairward run` adds; settings.recorder in either file is for it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
@@ -218,6 +221,9 @@ class _Loading:
                     component = self._component(kind, part.component, f"{kind}.{name}.component")
                     place = f"{kind}.{name}.settings."
                     slots.append(self._slot(component, place, part.settings, "", f"{kind}.{name}"))
+        recorder = self.registry.components["observer"].get(RECORDER)
+        if recorder is not None and all(slot.component.name != RECORDER for slot in slots):
+            slots.append(self._slot(recorder, f"settings.{RECORDER}.", {}, "", RECORDER))  # named by the file or not
         self._check_used(slots)
         return slots
 
@@ -291,6 +297,7 @@ class _Loading:
             ),
             companions={n: by_place[f"companion.{n}"] for n in chair.companion if f"companion.{n}" in by_place},
             observers={n: by_place[f"observer.{n}"] for n in chair.observer if f"observer.{n}" in by_place},
+            **({"recorder": by_place[RECORDER]} if RECORDER in by_place else {}),
         )
 
     def _origins(self, slots: Sequence[Slot]) -> dict[str, str]:

@@ -1,0 +1,159 @@
+"""What can be done with a recording: look into it, take tables and pictures out of it, make it fit to be given away."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import json
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from chairward import records
+from chairward.facts import S
+from chairward.plan import Plan
+from chairward.recording.read import Entry, entries, read, read_plan
+from chairward.recording.readable import Readable
+from chairward.recording.topics import LOG, PICTURES, PINS, PLAN, RECORDS, TOPICS
+from chairward.recording.write import Part
+from chairward.records import Record
+
+SOMEBODY = "somebody"
+Format = Literal["csv", "jsonl"]
+
+
+@dataclass(slots=True)
+class Contents:
+    """What a recording holds. seconds: from the first record to the last; missed: records that it lacks, as it says."""
+
+    file: str
+    size: int
+    chair: str = ""
+    person: str = ""
+    drive: str = ""
+    seconds: float = 0.0
+    decisions: int = 0
+    missed: int = 0
+    protective_stops: int = 0
+    pictures: int = 0
+    messages: dict[str, int] = field(default_factory=dict)
+    log: list[dict[str, Any]] = field(default_factory=list)
+
+
+def inspect(path: Path) -> Contents:
+    """What is in it. Raises OSError, McapError."""
+    found = Contents(str(path), path.stat().st_size)
+    counts: Counter[str] = Counter()
+    began_ns = 0
+    for entry in entries(path):
+        counts[entry.topic] += 1
+        if entry.topic == RECORDS:
+            began_ns = began_ns or entry.at_ns
+            found.seconds = round((entry.at_ns - began_ns) / S, 2)
+            record = records.decode(entry.data)
+            found.missed += record.missed
+            found.protective_stops += record.decision.protective_stop
+        elif entry.topic == LOG:
+            said = json.loads(entry.data)
+            at_s = round((entry.at_ns - began_ns) / S, 2) if began_ns else 0.0
+            found.log.append({"at_s": at_s, "level": said["level"], "message": said["message"]})
+    found.decisions = counts[RECORDS]
+    found.pictures = sum(count for topic, count in counts.items() if topic.startswith(PICTURES))
+    found.messages = dict(sorted(counts.items()))
+    if counts[PLAN]:
+        plan = read_plan(path)
+        found.chair, found.person, found.drive = plan.chair, plan.person, plan.drive.component
+    return found
+
+
+def export(path: Path, folder: Path, form: Format) -> list[Path]:
+    """One table for each readable topic, and the pictures as files; what was written. Raises OSError, McapError."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rows: dict[str, list[dict[str, Any]]] = {}
+    written = []
+    for entry in entries(path):
+        if entry.topic.startswith(f"{PICTURES}/"):
+            name = entry.topic.removeprefix(f"{PICTURES}/").replace("/", "-")
+            picture = folder / f"{name}-{entry.at_ns}.png"
+            picture.write_bytes(base64.b64decode(json.loads(entry.data)["data"]))
+            written.append(picture)
+        elif entry.topic in TOPICS or entry.topic == PINS:
+            rows.setdefault(entry.topic.rpartition("/")[2], []).append({"at_ns": entry.at_ns, **json.loads(entry.data)})
+    for name, table in rows.items():
+        target = folder / f"{name}.{form}"
+        with target.open("w", encoding="utf-8", newline="") as file:
+            if form == "jsonl":
+                file.writelines(json.dumps(row) + "\n" for row in table)
+            else:
+                columns = list(dict.fromkeys(key for row in table for key in row))
+                writer = csv.DictWriter(file, columns)
+                writer.writeheader()
+                writer.writerows(table)
+        written.append(target)
+    return sorted(written)
+
+
+def redact(path: Path, target: Path) -> int:
+    """A copy without pictures, without what was said in the person's own words, and without names and folders.
+
+    Its decisions are the same, bit for bit: no rule looks at a word. Returns the records kept. Raises OSError,
+    McapError; a file that is there already is not overwritten.
+    """
+    if target.exists():
+        raise FileExistsError(f"{target}: is there already and was not touched: choose another name")
+    plan = _nameless(read_plan(path))
+    at = next((entry.at_ns for entry in entries(path, PLAN)), 0)
+    part, readable, count = Part(target, msgspec.json.encode(plan), at), Readable(), 0
+    try:
+        for entry, record in _records(path):
+            quiet = _wordless(record)
+            part.add(RECORDS, entry.at_ns, records.encode(quiet), record.tick % 2**32)
+            for topic, message in readable.of(quiet, entry.at_ns):
+                part.add(topic, entry.at_ns, msgspec.json.encode(message), record.tick % 2**32)
+            count += 1
+    finally:
+        part.close()
+    return count
+
+
+def _records(path: Path) -> Iterator[tuple[Entry, Record]]:
+    return zip(entries(path, RECORDS), read(path), strict=True)
+
+
+def _nameless(plan: Plan) -> Plan:
+    """The plan with what replay needs, and nothing that says whose it is."""
+    return replace(
+        plan,
+        person=SOMEBODY,
+        person_file="",
+        person_dir="",
+        chair_file=Path(plan.chair_file).name,
+        words={},
+        lanes=tuple(
+            replace(lane, source=_bare(lane.source), stages=tuple(map(_bare, lane.stages))) for lane in plan.lanes
+        ),
+        companions={},
+        observers={},
+        drive=_bare(plan.drive),
+        recorder=_bare(plan.recorder),
+    )
+
+
+def _bare(part: Any) -> Any:
+    """A component without its settings: they name devices and folders."""
+    return replace(part, settings={})
+
+
+def _wordless(record: Record) -> Record:
+    """Commands stay, the words for them go."""
+    facts = replace(record.facts, heard=tuple(replace(wish, word="") for wish in record.facts.heard))
+
+    def still(state: Any) -> Any:
+        quiet = {key: replace(wish, word="") for key in ("wish", "base") if (wish := getattr(state, key)) is not None}
+        return replace(state, **quiet)
+
+    return msgspec.structs.replace(record, before=still(record.before), facts=facts, after=still(record.after))
