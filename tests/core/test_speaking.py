@@ -35,4 +35,9 @@ def test_a_second_sentence_never_ends_the_first_one_early(tmp_path: Path) -> Non
     speaker.say(20 * S, 21 * S)
     assert not listener.is_speaking(15 * S)
     speaker.close()
+    speaker = Speaker(tmp_path)
+    assert not listener.is_speaking(20 * S), "started again: nothing has been said yet"
+    speaker.say(30 * S, 31 * S)
+    assert listener.is_speaking(30 * S)
+    speaker.close()
     listener.close()

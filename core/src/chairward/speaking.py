@@ -38,13 +38,17 @@ class Listener:
     def __init__(self, run_dir: Path) -> None:
         self._file = run_dir / FILE
         self._state: SharedState | None = None
+        self._inode = 0
 
     def is_speaking(self, at_ns: int) -> bool:
         """Was the chair speaking (or its echo in the room) at that time? A torn file counts as speaking."""
-        if self._state is None:
-            if not self._file.exists():
-                return False
-            self._state = SharedState.attach(self._file)
+        try:
+            inode = self._file.stat().st_ino
+        except FileNotFoundError:
+            return False
+        if self._state is None or inode != self._inode:  # who speaks was started again, and made a new file
+            self.close()
+            self._state, self._inode = SharedState.attach(self._file), inode
         try:
             now = self._state.read()
         except TimeoutError:

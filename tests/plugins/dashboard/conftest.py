@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -15,10 +16,12 @@ import numpy as np
 import pytest
 from websockets.sync.client import ClientConnection, connect
 
-from chairward import arbiter, frames, records, wire
+from chairward import arbiter, frames, plan, profile, records, wire
 from chairward.components import Context
 from chairward.facts import MS, Facts, Limits, SourceLimits, State
 from chairward.messages import Alive, DriveStatus, Message, RangeReading, Way
+from chairward.plan import Plan
+from chairward.plugins import discover
 from chairward.stages import Pane
 from chairward_dashboard.settings import DashboardSettings
 from chairward_dashboard.source import Dashboard
@@ -47,7 +50,9 @@ def facts_now(ahead_mm: int, now_ns: int, **changes: Any) -> Facts:
 class Chair:
     """What the supervisor and the guard give the lane, and the lane's source with its server."""
 
-    def __init__(self, run_dir: Path, settings: DashboardSettings) -> None:
+    def __init__(self, run_dir: Path, settings: DashboardSettings, the_plan: Plan | None = None) -> None:
+        if the_plan is not None:
+            plan.write(the_plan, run_dir / "plan.json")
         ours, theirs = wire.pair(4 * 1024 * 1024)
         self.records, self._theirs = ours, theirs
         self._ring = frames.create()
@@ -191,6 +196,42 @@ class Page:
 def settings() -> DashboardSettings:
     """A port of the system's choice on loopback."""
     return DashboardSettings(port=0)
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A user of our own: what is recorded and logged stays out of the real one's folders."""
+    folder = tmp_path_factory.mktemp("home")
+    monkeypatch.setenv("XDG_DATA_HOME", str(folder / "data"))
+    monkeypatch.setenv("XDG_STATE_HOME", str(folder / "state"))
+    return folder
+
+
+@pytest.fixture
+def profiles(tmp_path: Path) -> Path:
+    """A copy of the shipped profiles to write to; what they point to stays where it is."""
+    shipped = Path(__file__).resolve().parents[3] / "profiles"
+    folder = tmp_path / "profiles"
+    shutil.copytree(shipped, folder)
+    for file in folder.glob("*/*.toml"):
+        text = file.read_text(encoding="utf-8")
+        file.write_text(text.replace('"../../', f'"{shipped.parent}/'), encoding="utf-8")
+    careful = folder / "people" / "careful.toml"
+    careful.write_text(
+        careful.read_text(encoding="utf-8").replace('chair = ["sim"', 'chair = ["screen", "sim"'), "utf-8"
+    )
+    return folder
+
+
+@pytest.fixture
+def planned_chair(home: Path, tmp_path: Path, settings: DashboardSettings, profiles: Path) -> Iterator[Chair]:
+    """A chair whose run has a plan, so that its set-up pages work."""
+    del home
+    run_dir = tmp_path / "run"
+    run_dir.mkdir()
+    one = Chair(run_dir, settings, profile.load("screen", "demo", [], discover(), profiles))
+    yield one
+    one.close()
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ import pytest
 
 from chairward.facts import Wish
 from chairward.messages import Alive, Button, Command, Intent, Message, Press
-from chairward_dashboard.server import STATIC
+from chairward_dashboard.site import STATIC
 
 playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright (uv sync)")
 CHROMIUM = shutil.which("chromium")

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from chairward.speaking import Speaker
 from chairward_dashboard import said
 from chairward_dashboard.desk import Desk
 from chairward_dashboard.pictures import Pictures
@@ -57,8 +58,10 @@ class Page:
 class Pages:
     """All connected pages; lives in the server's event loop."""
 
-    def __init__(self, settings: DashboardSettings, desk: Desk, view: View, pictures: Pictures) -> None:
-        self.settings, self.desk, self.view, self.pictures = settings, desk, view, pictures
+    def __init__(
+        self, settings: DashboardSettings, desk: Desk, view: View, pictures: Pictures, speaker: Speaker
+    ) -> None:
+        self.settings, self.desk, self.view, self.pictures, self.speaker = settings, desk, view, pictures, speaker
         self.connected: set[Page] = set()
         self._numbers = 0
         self._state = msgspec.Raw(b"{}")
@@ -117,6 +120,8 @@ class Pages:
                 self.desk.give(page.number, now_ns, "the screen that controlled gave control away")
             case said.Look(panes, large):
                 page.panes, page.large, page.shown = tuple(panes), large, {}
+            case said.Speaks(ms):
+                self.speaker.say(now_ns, now_ns + ms * 1_000_000)
 
     async def tick(self) -> None:
         """For ever: at the pictures' rate make the newest state, once, and wake every page's sender."""

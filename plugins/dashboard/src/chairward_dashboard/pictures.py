@@ -26,6 +26,11 @@ class Pictures:
         for reader in self._readers:
             self._panes.update(reader.newest() or {})
 
+    def newest(self, name: str) -> Pane | None:
+        """The newest pane of that name, if any lane has ever laid one down."""
+        self.look()
+        return self._panes.get(name)
+
     def jpeg(self, name: str, width_px: int) -> tuple[int, bytes] | None:
         """(captured_ns, JPEG) of the newest pane of that name, at most width_px wide; None where there is none."""
         pane = self._panes.get(name)

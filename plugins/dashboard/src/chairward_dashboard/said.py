@@ -53,7 +53,13 @@ class Look(_Said, frozen=True, tag="look"):
     large: bool = False
 
 
-Said = Beat | Hidden | Got | Push | Take | Give | Look
+class Speaks(_Said, frozen=True, tag="speaks"):
+    """The page begins to speak aloud, for so long: what it says must move nothing."""
+
+    ms: Annotated[int, msgspec.Meta(ge=0, le=15_000)]
+
+
+Said = Beat | Hidden | Got | Push | Take | Give | Look | Speaks
 _decoder: msgspec.json.Decoder[Said] = msgspec.json.Decoder(Said)
 
 

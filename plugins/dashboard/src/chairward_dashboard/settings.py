@@ -24,6 +24,10 @@ class DashboardSettings(Settings):
     pictures_hz: int = Field(default=15, ge=1, le=15, description="pictures and states a second for each screen")
     picture_px: int = Field(default=320, ge=80, le=640, description="width of each of the four pictures")
     large_px: int = Field(default=640, ge=160, le=1280, description="width of the one picture of the live view")
+    stop_pictures: bool = Field(
+        default=False, description="keep, with each stop in the log of stops, what the left camera saw"
+    )
+    keep_stops: int = Field(default=200, ge=0, le=5000, description="stops that the log keeps; 0 keeps none")
     jpeg_quality: int = Field(default=70, ge=20, le=95, description="JPEG quality of pictures")
 
     @property

@@ -8,18 +8,27 @@ import socket
 from pathlib import Path
 
 import msgspec
+import platformdirs
 
 from chairward import plan
 from chairward.components import Context, DeviceLost
-from chairward.facts import Limits
 from chairward.messages import Message
+from chairward.plan import Plan
+from chairward.speaking import Speaker
 from chairward_dashboard.desk import Desk, Outbox
 from chairward_dashboard.doors import Pairing
 from chairward_dashboard.pages import Pages
+from chairward_dashboard.person_page import PersonPage
 from chairward_dashboard.pictures import Pictures
+from chairward_dashboard.plugins_page import PluginsPage
 from chairward_dashboard.server import Server
 from chairward_dashboard.settings import DashboardSettings
+from chairward_dashboard.setup import Setup
+from chairward_dashboard.site import make_site
+from chairward_dashboard.speech import Speech
+from chairward_dashboard.stops import StopLog
 from chairward_dashboard.view import View
+from chairward_dashboard.words_page import WordsPage
 
 log = logging.getLogger(__name__)
 
@@ -45,9 +54,17 @@ class Dashboard:
         self.url = f"http://{host}:{listening.getsockname()[1]}/"
         _write(context.run_dir / f"{context.lane}.url", self.url)
         pairing = Pairing(self._tell_code) if settings.open_to_network else None
-        pages = Pages(settings, Desk(self._outbox), self._view(), Pictures(context.frames, settings.jpeg_quality))
+        the_plan = self._plan()
+        view = View.of(the_plan, context)
+        pictures = Pictures(context.frames, settings.jpeg_quality)
+        pages = Pages(settings, Desk(self._outbox), view, pictures, Speaker(context.run_dir))
+        setup = Setup(the_plan, context.run_dir, view)
+        stops = StopLog(Path(platformdirs.user_state_dir("chairward")) / "stops", settings.keep_stops)
+        words = WordsPage(setup, pictures)
+        parts = (words, PersonPage(setup), PluginsPage(setup), stops, Speech())
+        site = make_site(settings, pages, pairing, [route for part in parts for route in part.routes()])
         fd = os.dup(context.records_fd) if context.records_fd >= 0 else -1
-        self._server = Server(settings, listening, pages, pairing, fd)
+        self._server = Server(site, listening, pages, stops, fd, at_end=words.close)
         self._server.start()
         log.warning("the screen is at %s", self.url)
 
@@ -65,15 +82,15 @@ class Dashboard:
             self._server.stop()
             self._server = None
 
-    def _view(self) -> View:
-        context = self._context
-        file = context.run_dir / "plan.json"
+    def _plan(self) -> Plan | None:
+        file = self._context.run_dir / "plan.json"
         try:
-            the_plan = plan.read(file)
+            return plan.read(file)
         except (OSError, msgspec.DecodeError) as error:
-            log.warning("%s cannot be read (%s): the screen shows ages without their limits", file, error)
-            return View(Limits(), person=context.person, language=context.language)
-        return View(the_plan.limits, chair=the_plan.chair, person=the_plan.person, language=the_plan.language)
+            log.warning(
+                "%s cannot be read (%s): ages are shown without their limits, and there is no set-up", file, error
+            )
+            return None
 
     def _tell_code(self, code: str) -> None:
         _write(self._context.run_dir / f"{self._context.lane}.code", code)

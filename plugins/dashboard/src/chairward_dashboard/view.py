@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any
 
+from chairward.components import Context
 from chairward.facts import MS, NOT_ARMED, Facts, Instruction, Limits, S
 from chairward.messages import Alive
+from chairward.plan import Plan
 from chairward.records import Record
 
 SIGNS = {
@@ -40,8 +42,15 @@ class View:
     _helped_ns: int = 0
     _stops: deque[dict[str, Any]] = field(default_factory=lambda: deque(maxlen=KEPT_STOPS))
 
-    def add(self, record: Record) -> None:
-        """Take one record in."""
+    @classmethod
+    def of(cls, plan: Plan | None, context: Context) -> View:
+        """Of a run's plan; without one, ages have no limits."""
+        if plan is None:
+            return cls(Limits(), person=context.person, language=context.language)
+        return cls(plan.limits, chair=plan.chair, person=plan.person, language=plan.language)
+
+    def add(self, record: Record) -> dict[str, Any] | None:
+        """Take one record in; returns the stop, if this is where the chair stopped or latched."""
         now_ns, decision = record.facts.now_ns, record.decision
         self.missed += record.missed
         if record.facts.heard:
@@ -52,10 +61,14 @@ class View:
             self._refused = next((note for note in decision.notes if " refused: " in note), "")
         if decision.help:
             self._helped_ns = now_ns
-        if decision.protective_stop:
-            why = [_why(reason) for reason in decision.reasons]
-            self._stops.append({"at_ns": now_ns, "nearest_mm": decision.nearest_mm, "reasons": why})
+        latched = bool(decision.latch) and decision.latch not in (NOT_ARMED, record.before.latch)
         self.record = record
+        if not decision.protective_stop and not latched:
+            return None
+        why = [_why(reason) for reason in decision.reasons if not latched or reason.rule != "latch"]
+        stop = {"nearest_mm": decision.nearest_mm, "latch": decision.latch if latched else "", "reasons": why}
+        self._stops.append({"at_ns": now_ns, **stop})
+        return {"person": self.person, "chair": self.chair, **stop}
 
     def state(self, now_ns: int) -> dict[str, Any]:
         """All that pages show, as JSON data; ages in ms against now_ns (CLOCK_MONOTONIC)."""

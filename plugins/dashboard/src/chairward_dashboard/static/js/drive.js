@@ -1,32 +1,11 @@
 // Writes a state into the drive page. Texts only ever through textContent.
 
-import { amount, has, number, text, told } from "./texts.js";
+import { $, bar, disable, list, put } from "./dom.js";
+import { distance, reason, shape } from "./sign.js";
+import { amount, number, text, told } from "./texts.js";
 
-const $ = (id) => document.getElementById(id);
-const SHAPES = {
-  circle: "M50 10a40 40 0 1 0 .1 0zM30 52l14 14 28-32",
-  up: "M50 90V14M20 44 50 12l30 32",
-  left: "M88 82V60Q88 40 66 40H16M42 12 14 40l28 28",
-  right: "M12 82V60Q12 40 34 40h50M58 12l28 28-28 28",
-  octagon: "M33 8h34l25 25v34L67 92H33L8 67V33zM32 50h36",
-};
 const WAYS = { ahead: "▲", behind: "▼", left: "◀", right: "▶" };
 let said = { mm: null, at: 0 };
-
-export const NOTHING = { colour: "stop", shape: "octagon", instruction: "stop_now", news: false };
-
-export function put(element, words) {
-  if (element.textContent !== words) element.textContent = words;
-}
-
-export function reason({ rule, source, detail }) {
-  const known = has(`rule.${rule}`) ? text(`rule.${rule}`) : rule;
-  return [known, [source, told(detail)].filter(Boolean).join(": ")].filter(Boolean).join(" – ");
-}
-
-export function distance(state) {
-  return state.nearest_mm == null ? "–" : number(state.nearest_mm);
-}
 
 export function drive(state, you, linked) {
   sign(state, linked);
@@ -39,8 +18,7 @@ export function drive(state, you, linked) {
 
 function sign(state, linked) {
   $("sign").className = state.colour;
-  const path = $("shape").firstElementChild;
-  if (path.getAttribute("d") !== SHAPES[state.shape]) path.setAttribute("d", SHAPES[state.shape]);
+  shape($("shape"), state.shape);
   put($("instruction"), text(`instruction.${state.instruction}`));
   put($("mm"), distance(state));
   put($("unit"), "mm");
@@ -79,11 +57,6 @@ function control(state, you, linked) {
   put($("refused"), you.refused ? text(you.refused) : told(state.refused ?? ""));
 }
 
-function disable(button, off) {
-  const value = String(off);
-  if (button.getAttribute("aria-disabled") !== value) button.setAttribute("aria-disabled", value);
-}
-
 function now(state) {
   const open = state.open ?? [];
   put($("ways"), open.length ? open.map((way) => `${WAYS[way]} ${text(`way.${way}`)}`).join("  ") : text("ways.none"));
@@ -103,20 +76,6 @@ function now(state) {
   put($("drive"), drives.join(", "));
 }
 
-function bar(element, value, least, most, warn, words) {
-  const part = Math.min(1, Math.max(0, (value - least) / (most - least)));
-  element.firstElementChild.style.width = `${(100 * part).toFixed(1)}%`;
-  element.setAttribute("aria-valuemax", most);
-  element.setAttribute("aria-valuenow", Math.min(most, Math.max(least, value)).toFixed(1));
-  element.setAttribute("aria-valuetext", words);
-  element.classList.toggle("warn", warn);
-}
-
-function list(parent, lines) {
-  while (parent.children.length > lines.length) parent.lastElementChild.remove();
-  lines.forEach((line, i) => put(parent.children[i] ?? parent.appendChild(document.createElement("li")), line));
-}
-
 function health(sources) {
   const body = $("sources");
   while (body.rows.length > sources.length) body.deleteRow(-1);
@@ -133,6 +92,6 @@ function health(sources) {
 }
 
 function stops(rows) {
-  const lines = [...rows].reverse().map((row) => [text("ago", { s: number(row.age_s) }), row.nearest_mm == null ? "" : amount(row.nearest_mm, "mm"), row.reasons.map(reason).join("; ")].filter(Boolean).join(", "));
+  const lines = [...rows].reverse().map((row) => [text("ago", { s: number(row.age_s) }), row.nearest_mm == null ? "" : amount(row.nearest_mm, "mm"), told(row.latch), row.reasons.map(reason).join("; ")].filter(Boolean).join(", "));
   list($("stops"), lines.length ? lines : [text("stops.none")]);
 }

@@ -60,16 +60,20 @@ function unpack(buffer) {
   return head;
 }
 
-/** Space and Escape always stop, wherever the focus is; so does any button of a gamepad or joystick. */
+const isText = (element) => element.matches?.("textarea, input:not([type=checkbox], [type=radio], [type=file])");
+
+/** Space and Escape always stop, wherever the focus is (but a space can be typed into a text); so does any button of a
+ * gamepad or joystick. Enter presses what has the focus, boxes too. */
 export function stopKeys(push) {
-  const isStop = (event) => event.key === " " || event.key === "Escape";
+  const isStop = (event) => event.key === "Escape" || (event.key === " " && !isText(event.target));
   addEventListener("keydown", (event) => {
+    if (event.key === "Enter" && event.target.matches?.("[type=checkbox], [type=radio], [type=file]")) event.target.click();
     if (!isStop(event)) return;
     if (!event.repeat) push("stop");
     if (event.key === " ") event.preventDefault();
   }, { capture: true });
   addEventListener("keyup", (event) => {
-    if (event.key === " ") event.preventDefault();
+    if (event.key === " " && isStop(event)) event.preventDefault();
   }, { capture: true });
   let down = false;
   setInterval(() => {

@@ -1,17 +1,19 @@
 // The live view: one picture, as large as the screen, for people who cannot turn their head. It only looks (and stops).
 
-import { NOTHING, put } from "./drive.js";
+import { $, put } from "./dom.js";
+import { navigation } from "./frame.js";
 import { connect, stopButton, stopKeys } from "./link.js";
 import { dress, looks } from "./looks.js";
 import { NAMES } from "./panes.js";
+import { NOTHING } from "./sign.js";
 import { amount, speak, text } from "./texts.js";
 
-const $ = (id) => document.getElementById(id);
 const asked = new URLSearchParams(location.search).get("pane");
 let which = NAMES.includes(asked) ? asked : "left";
 let shown = "";
 let newest = -1e9;
 
+document.querySelector("header").prepend(navigation("live"));
 dress();
 await speak(looks.language || "en");
 
@@ -21,7 +23,6 @@ const link = connect({
   onBundle: async ({ state, panes }) => {
     sign(state);
     if (!looks.language && document.documentElement.lang !== state.language) {
-      looks.language = state.language;
       await speak(state.language);
       names();
     }

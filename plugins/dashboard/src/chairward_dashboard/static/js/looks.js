@@ -6,7 +6,8 @@ const KEY = "chairward.looks";
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const contrast = matchMedia("(prefers-contrast: more)");
 
-export const looks = { language: "", theme: "auto", large: false, colour: false, sound: false, scan: "0", ...read() };
+export const looks = { language: "", theme: "auto", large: false, colour: false, sound: false, speak: false, scan: "0", ...read() };
+Object.defineProperty(looks, "set", { value: (wanted) => { Object.assign(looks, wanted); keep(); } });
 
 function read() {
   try {
@@ -34,14 +35,13 @@ export function choices(onChange) {
     option.lang = code;
     return option;
   }));
-  const elements = ["language", "theme", "scan", "large", "colour", "sound"].map((id) => document.getElementById(id));
+  const elements = ["language", "theme", "scan", "large", "colour", "sound", "speak"].map((id) => document.getElementById(id));
   for (const element of elements) {
     const isBox = element.type === "checkbox";
     if (isBox) element.checked = looks[element.id];
     else if (looks[element.id]) element.value = looks[element.id];
     element.addEventListener("change", async () => {
-      looks[element.id] = isBox ? element.checked : element.value;
-      keep();
+      looks.set({ [element.id]: isBox ? element.checked : element.value });
       dress();
       if (element.id === "language") await speak(looks.language);
       onChange();

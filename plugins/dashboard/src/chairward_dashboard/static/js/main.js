@@ -1,18 +1,20 @@
 // The drive page: shows, and is a stop device while it can be seen.
 
-import { drive, NOTHING } from "./drive.js";
+import { $ } from "./dom.js";
+import { drive } from "./drive.js";
+import { navigation } from "./frame.js";
 import { connect, stopButton, stopKeys } from "./link.js";
 import { choices, dress, looks } from "./looks.js";
 import * as panes from "./panes.js";
 import * as scan from "./scan.js";
-import { play } from "./sound.js";
+import { NOTHING } from "./sign.js";
+import { sounds } from "./sound.js";
 import { speak } from "./texts.js";
 
-const $ = (id) => document.getElementById(id);
 let last = { state: NOTHING, you: {}, linked: false };
-let before = {};
 let newest = -1e9;
 
+document.querySelector("header").append(navigation("drive"));
 dress();
 await speak(looks.language || document.documentElement.lang);
 panes.build($("panes"));
@@ -26,7 +28,7 @@ const link = connect({
     last = { state, you, linked: true };
     panes.show(pictures);
     draw();
-    sounds(state);
+    sounds(state, link.say);
     awake(you.controls);
     keep(you);
   },
@@ -67,14 +69,6 @@ async function greet(state) {
     scan.offer($("scan"));
   }
   $("language").value = document.documentElement.lang;
-}
-
-function sounds(state) {
-  if (state.help && !before.help) play("help");
-  else if (state.colour === "stop" && before.colour && before.colour !== "stop") play("stop");
-  else if (state.colour === "warn" && before.colour !== "warn") play("warn");
-  else if (state.heard && before.heard && state.heard.age_ms < before.heard.age_ms) play("heard");
-  before = state;
 }
 
 // A page that controlled and stuttered asks for control again: the chair has been stopped by then, and must be armed anew.

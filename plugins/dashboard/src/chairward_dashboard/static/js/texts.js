@@ -13,7 +13,7 @@ export async function speak(wanted) {
   words = await answer.json();
   document.documentElement.lang = language;
   document.documentElement.dir = RIGHT_TO_LEFT.has(language) ? "rtl" : "ltr";
-  document.title = words.title;
+  document.title = `${words[`${document.body.dataset.page ?? "drive"}.title`] ?? words.title} – Chairward`;
   for (const element of document.querySelectorAll("[data-text]")) element.textContent = text(element.dataset.text);
   for (const element of document.querySelectorAll("[data-label]")) element.setAttribute("aria-label", text(element.dataset.label));
 }
