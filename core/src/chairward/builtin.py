@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from chairward.components import Component, Context
 from chairward.hookspecs import hookimpl
 from chairward.recording import Recorder, RecorderSettings
+
+if TYPE_CHECKING:
+    from chairward.doctor import Check
 
 CHAIRWARD_API = 1
 
@@ -21,3 +25,11 @@ def chairward_observers() -> Sequence[Component]:
     return [
         Component(name="recorder", settings=RecorderSettings, make=_recorder, summary="every decision in an MCAP file")
     ]
+
+
+@hookimpl
+def chairward_checks() -> Sequence[Check]:
+    """The machine and the chair as a whole."""
+    from chairward.doctor.machine import checks
+
+    return checks()

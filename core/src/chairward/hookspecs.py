@@ -7,11 +7,15 @@ A plugin is a module (or object) behind an entry point of the group `chairward.p
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import pluggy
 import typer
 
 from chairward.components import Component
+
+if TYPE_CHECKING:
+    from chairward.doctor import Check
 
 PROJECT = "chairward"
 ENTRY_POINT_GROUP = "chairward.plugins"
@@ -53,6 +57,12 @@ def chairward_observers() -> Sequence[Component]:
 @hookspec
 def chairward_companions() -> Sequence[Component]:
     """Programs that stand in for the outside world (simulated controller, simulated home)."""
+    raise NotImplementedError
+
+
+@hookspec
+def chairward_checks() -> Sequence[Check]:
+    """What `chairward doctor` is to look at in this plugin's devices; asked by the doctor alone."""
     raise NotImplementedError
 
 

@@ -1,0 +1,8 @@
+"""What is wrong on this machine and with this chair, each with one fix. It moves nothing."""
+
+from __future__ import annotations
+
+from chairward.doctor.check import Check, Finding, Site
+from chairward.doctor.examine import examine
+
+__all__ = ["Check", "Finding", "Site", "examine"]
