@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import date
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from chairward.messages import DriveStatus, Message
 from chairward.stages import Pane
@@ -28,6 +29,52 @@ class Settings(BaseModel):
 
 class NoSettings(Settings):
     """For a component with nothing to set."""
+
+
+SILENCE_LIMIT_MS = 250
+"""A controller must stop by itself when commands stop for this long."""
+
+
+class DriveSettings(Settings):
+    """Base of every drive's settings: what `chairward check drive` has measured of its controller.
+
+    Without the silence (or a relay) a chair file is refused, unless nothing real is behind its drive.
+    """
+
+    silence_stop_ms: int | None = Field(
+        default=None, ge=1, description="measured: from the last command until it stops by itself"
+    )
+    silence_stop_measured: date | None = Field(
+        default=None, description="when that was measured, wheels off the ground"
+    )
+    silence_stop_method: str = Field(default="", description="how that was measured")
+    stop_decel_mm_s2: float | None = Field(
+        default=None, gt=0, description="measured: deceleration of a controlled stop, without load"
+    )
+    hard_stop_ms: int | None = Field(default=None, ge=1, description="measured: a hard stop until nothing moves")
+    watchdog_relay: str = Field(default="", description="or: the relay in the motor supply that a missing host opens")
+
+    @model_validator(mode="after")
+    def _dated(self) -> Self:
+        if (self.silence_stop_ms is None) != (self.silence_stop_measured is None):
+            raise ValueError("silence_stop_ms and silence_stop_measured belong together: the figure and its date")
+        return self
+
+    def silence_unproved(self) -> str:
+        """ "" when the controller is known to stop by itself on silence, else why not: the end of a sentence."""
+        if self.watchdog_relay:
+            return ""
+        if self.silence_stop_ms is None:
+            return (
+                "nobody has measured that this controller stops when commands stop; run 'chairward check drive' with "
+                "the wheels off the ground, or name a watchdog_relay"
+            )
+        if self.silence_stop_ms > SILENCE_LIMIT_MS:
+            return (
+                f"the controller stops only {self.silence_stop_ms} ms after the last command, at most "
+                f"{SILENCE_LIMIT_MS} ms are allowed; name a watchdog_relay in its motor supply"
+            )
+        return ""
 
 
 class Motion(NamedTuple):

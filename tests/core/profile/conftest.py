@@ -12,7 +12,7 @@ import tomlkit
 from pydantic import Field, model_validator
 
 from chairward import profile
-from chairward.components import Component, NoSettings, Settings
+from chairward.components import Component, DriveSettings, NoSettings, Settings
 from chairward.facts import Limits
 from chairward.hookspecs import hookimpl
 from chairward.messages import Alive, Intent, Press, RangeReading, Stick, Veto
@@ -41,7 +41,7 @@ class EarsSettings(Settings):
     threshold: float = Field(default=0.0, ge=-5, le=20)
 
 
-class WheelSettings(Settings):
+class WheelSettings(DriveSettings):
     port: str
     rate: int = Field(default=57600, ge=1)
     full_speed_mm_s: float = 500.0
@@ -53,7 +53,7 @@ class NestedSettings(Settings):
     device: int = Field(default=1, ge=0, le=15)
 
 
-class BusSettings(Settings):
+class BusSettings(DriveSettings):
     channel: str = "can0"
     rnet: NestedSettings = NestedSettings()
 
@@ -125,7 +125,10 @@ CHAIR: dict[str, Any] = {
         "voice": {"source": "ears", "stages": ["words"], "freshness_ms": 400},
         "panel": {"source": "button", "stop_device": True, "may": ["stop", "arm"], "freshness_ms": 300},
     },
-    "drive": {"wheels": {"port": "/dev/ttyUSB0"}, "bus": {}},
+    "drive": {
+        "wheels": {"port": "/dev/ttyUSB0", "silence_stop_ms": 90, "silence_stop_measured": "2026-11-22"},
+        "bus": {"watchdog_relay": "K1"},
+    },
 }
 PERSON: dict[str, Any] = {
     "name": "asha",
@@ -161,7 +164,8 @@ class House:
         return profile.load_traced("test", "asha", sets, self.registry, self.folder)
 
     def load(self, *sets: str) -> Plan:
-        return self.traced(*sets).plan
+        self.write()
+        return profile.load("test", "asha", sets, self.registry, self.folder)
 
     def refused(self, *sets: str) -> str:
         """The sentence that refuses these profiles."""

@@ -169,6 +169,61 @@ def test_a_drive_that_brakes_less_than_the_proof_assumes_is_refused(house) -> No
     house.load()
 
 
+@pytest.mark.parametrize("kind", ["robot", "chair"])
+def test_a_drive_that_nobody_has_measured_to_stop_on_silence_is_refused(house, kind: str) -> None:
+    house.ridden()
+    house.chair["kind"] = kind
+    house.chair["drive"]["wheels"] = {"port": "/dev/ttyUSB0"}
+    assert house.refused() == (
+        "chairs/test.toml: drive.wheels: nobody has measured that this controller stops when commands stop; run "
+        "'chairward check drive --chair test' with the wheels off the ground, or name a watchdog_relay"
+    )
+    house.chair["drive"]["wheels"]["watchdog_relay"] = "K1 in the motor supply"
+    house.load()
+
+
+@pytest.mark.parametrize("kind", ["simulator", "files"])
+def test_where_nothing_real_is_behind_the_drive_there_is_nothing_to_measure(house, kind: str) -> None:
+    house.chair["kind"] = kind
+    house.chair["drive"]["wheels"] = {"port": "/dev/ttyUSB0"}
+    house.load()
+
+
+@pytest.mark.parametrize(("measured_ms", "fits"), [(250, True), (251, False)])
+def test_a_drive_that_stops_later_than_250_ms_after_silence_needs_a_relay(house, measured_ms: int, fits: bool) -> None:
+    house.chair["stopping"]["watchdog_ms"] = 251
+    house.chair["limits"]["forward_mm_s"] = 300
+    house.chair["drive"]["wheels"]["silence_stop_ms"] = measured_ms
+    if not fits:
+        assert "at most 250 ms are allowed; name a watchdog_relay in its motor supply" in house.refused()
+        house.chair["drive"]["wheels"]["watchdog_relay"] = "K1"
+    house.load()
+
+
+def test_a_silence_longer_than_the_proof_of_distances_assumes_is_refused(house) -> None:
+    house.chair["drive"]["wheels"]["silence_stop_ms"] = 230
+    assert house.refused() == (
+        "chairs/test.toml: drive.wheels.silence_stop_ms = 230: more than stopping.watchdog_ms = 200, which the proof "
+        "of distances rests on: raise stopping.watchdog_ms to 230"
+    )
+
+
+def test_a_measured_silence_without_its_date_is_refused(house) -> None:
+    del house.chair["drive"]["wheels"]["silence_stop_measured"]
+    assert "silence_stop_ms and silence_stop_measured belong together" in house.refused()
+
+
+def test_a_measured_deceleration_below_the_proofs_is_refused(house) -> None:
+    house.chair["drive"]["wheels"]["stop_decel_mm_s2"] = 550
+    assert "drive.wheels.stop_decel_mm_s2 = 550: less than stopping.decel_mm_s2 = 600" in house.refused()
+
+
+def test_a_person_cannot_say_that_a_drive_was_measured(house) -> None:
+    house.ridden()
+    house.person["settings"] = {"wheels": {"silence_stop_ms": 10}}
+    assert "people/asha.toml: settings.wheels.silence_stop_ms" in house.refused()
+
+
 def test_a_stop_device_must_have_a_button_and_be_entitled_to_stop(house) -> None:
     house.chair["lane"]["panel"]["may"] = ["arm"]
     assert house.refused() == "chairs/test.toml: lane.panel.may must name 'stop': the lane is a stop device"

@@ -37,7 +37,7 @@ def test_the_profiles_that_were_promised_are_there() -> None:
 
 @pytest.mark.parametrize("chair", CHAIRS)
 def test_every_chair_is_right_by_itself(chair: str, registry: Registry) -> None:
-    assert check_chair(files.read(PROFILES / "chairs" / f"{chair}.toml"), registry).nearest_mm >= PROTECTED_MM
+    assert check_chair(files.read(PROFILES / "chairs" / f"{chair}.toml"), registry).proof.nearest_mm >= PROTECTED_MM
 
 
 @pytest.mark.parametrize(("chair", "person"), FITTING)
@@ -53,7 +53,7 @@ def test_every_person_fits_the_chairs_they_name(chair: str, person: str, registr
 
 def test_every_component_can_take_its_settings_from_the_plan(registry: Registry, tmp_path: Path) -> None:
     for chair, person in FITTING:
-        loaded = profile.load(chair, person, [], registry, PROFILES)
+        loaded = profile.load_traced(chair, person, [], registry, PROFILES).plan
         wanted = [(registry.get("drive", loaded.drive.component), loaded.drive)]
         for lane in loaded.lanes:
             wanted.append((registry.get("source", lane.source.component), lane.source))
@@ -83,7 +83,7 @@ def test_thesis_methods_are_in_no_chair_that_is_not_called_so() -> None:
 
 def test_the_same_person_is_never_faster_or_nearer_than_the_chair_allows(registry: Registry) -> None:
     for chair, person in FITTING:
-        limits = profile.load(chair, person, [], registry, PROFILES).limits
+        limits = profile.load_traced(chair, person, [], registry, PROFILES).plan.limits
         bounds = read_chair(files.read(PROFILES / "chairs" / f"{chair}.toml")).limits
         assert limits.forward_mm_s <= bounds.forward_mm_s
         assert limits.caps.forward_mm_s <= bounds.forward_mm_s

@@ -18,7 +18,7 @@ from chairward import profile
 from chairward.plugins import Registry, discover
 from chairward.profile import ProfileError, files, write
 from chairward.profile.files import ProfileFile
-from chairward.profile.load import check_chair, read_chair, read_person
+from chairward.profile.load import Loaded, check_chair, read_chair, read_person
 
 app = typer.Typer(name="profile", no_args_is_help=True, help="Chair files (integrator) and person files (person).")
 
@@ -67,16 +67,21 @@ def _checked(name: str, folder: Path, registry: Registry) -> Iterator[str]:
     """A line for each file of that name that is right. Raises ProfileError for the first that is wrong."""
     for file in _files(name, folder):
         if _is_chair(file):
-            proof = check_chair(file, registry)
+            loaded = check_chair(file, registry)
             if file.values.get("person") is not None:
-                profile.load(file.path, None, [], registry, folder)
-            yield f"ok     {file.label}: {proof}"
+                profile.load_traced(file.path, None, [], registry, folder)
+            yield f"ok     {file.label}: {loaded.proof}{_not_yet(loaded)}"
             continue
         proofs = [
             f"{chair}: {profile.load_traced(chair, file.path, [], registry, folder).proof}"
             for chair in read_person(file).chairs
         ]
         yield f"ok     {file.label}: {'; '.join(proofs)}"
+
+
+def _not_yet(loaded: Loaded) -> str:
+    """What is right, and still may not drive."""
+    return f"; may not drive yet: {loaded.unmeasured}" if loaded.unmeasured else ""
 
 
 def _files(name: str, folder: Path) -> list[ProfileFile]:

@@ -113,5 +113,5 @@ def _other(plan: Plan, wanted: str) -> Plan:
     path = Path(wanted) if wanted.endswith(".toml") or "/" in wanted else None
     is_chair = path.parent.name == "chairs" if path else wanted in files.names("chairs", folder)
     if is_chair and not (path is None and wanted in files.names("people", folder)):
-        return profile.load(wanted, Path(plan.person_file), [], registry)
-    return profile.load(Path(plan.chair_file), wanted, [], registry)
+        return profile.load_traced(wanted, Path(plan.person_file), [], registry).plan
+    return profile.load_traced(Path(plan.chair_file), wanted, [], registry).plan

@@ -74,10 +74,13 @@ def examine(registry: Registry, chair: str | None, person: str | None, root: Pat
     plan: Plan | None = None
     if chair is not None:
         try:
-            plan = profile.load(chair, person, [], registry)
+            loaded = profile.load_traced(chair, person, [], registry)
+            plan = loaded.plan
             yield Finding(
                 "profile", True, f"chair '{plan.chair}' with person '{plan.person}' loads and its distances are proven"
             )
+            if loaded.unmeasured:
+                yield Finding("drive", False, loaded.unmeasured, f"chairward check drive --chair {plan.chair}")
         except (ValueError, PluginError) as error:
             yield Finding("profile", False, str(error), "correct the file at that place")
     with tempfile.TemporaryDirectory(prefix="chairward-doctor-") as folder:

@@ -30,11 +30,15 @@ RECORDER = "recorder"
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """A plan, its proof, and where each limit and setting came from ("limits.stop_mm" -> "people/asha.toml")."""
+    """A plan, its proof, and where each limit and setting came from ("limits.stop_mm" -> "people/asha.toml").
+
+    unmeasured: why this chair may not drive yet, "" when it may: its drive has still to be measured.
+    """
 
     plan: Plan
     proof: Proof
     origin: dict[str, str]
+    unmeasured: str = ""
 
 
 def load(
@@ -45,7 +49,10 @@ def load(
     profiles_dir: Path | None = None,
 ) -> Plan:
     """The plan of a run. person None: the one the chair file names. Raises ProfileError."""
-    return load_traced(chair, person, sets, registry, profiles_dir).plan
+    loaded = load_traced(chair, person, sets, registry, profiles_dir)
+    if loaded.unmeasured:
+        raise ProfileError(loaded.unmeasured)
+    return loaded.plan
 
 
 def read_chair(file: ProfileFile) -> Chair:
@@ -74,7 +81,7 @@ def load_traced(
     registry: Registry,
     profiles_dir: Path | None = None,
 ) -> Loaded:
-    """As `load`, with the proof and where the values came from."""
+    """As `load`, with the proof and where the values came from; a drive that was not measured is told, not refused."""
     folder = files.directory(profiles_dir)
     overrides = files.overrides(sets)
     chair_file = files.read(files.find("chairs", chair, folder))
@@ -99,14 +106,17 @@ def load_files(
     return _Loading(chair_file, table, person_file, rider, overrides, registry).result()
 
 
-def check_chair(file: ProfileFile, registry: Registry) -> Proof:
-    """A chair file on its own: somebody who asks for nothing could drive it with each of its drives. ProfileError."""
+def load_chair(file: ProfileFile, drive: str, registry: Registry) -> Loaded:
+    """A chair file on its own, with somebody who asks for nothing, and one of its drives. Raises ProfileError."""
     chair = read_chair(file)
-    proofs = []
-    for drive in chair.drive:
-        nobody = Person(name="nobody", chair=chair.name, drive=drive, words={"stop": Command.STOP})
-        proofs.append(_Loading(file, chair, file, nobody, [], registry).result().proof)
-    return proofs[0]
+    nobody = Person(name="nobody", chair=chair.name, drive=drive, words={"stop": Command.STOP})
+    return _Loading(file, chair, file, nobody, [], registry).result()
+
+
+def check_chair(file: ProfileFile, registry: Registry) -> Loaded:
+    """`load_chair` with each of its drives; the first that may not drive yet, else the first. Raises ProfileError."""
+    every = [load_chair(file, drive, registry) for drive in read_chair(file).drive]
+    return next((loaded for loaded in every if loaded.unmeasured), every[0])
 
 
 class _Loading:
@@ -144,8 +154,9 @@ class _Loading:
         by_place = {slot.where: part for slot, part in zip(slots, made, strict=True)}
         driven = next(slot for slot in slots if slot.where == f"drive.{drive}")
         refusals.drive(driven, by_place[driven.where], limits, self.chair.stopping)
+        unmeasured = refusals.silence(driven, by_place[driven.where], self.chair)
         plan = self._plan(found, drive, by_place, resolve(limits, self.chair, votes, proof))
-        return Loaded(plan, proof, self._origins(slots))
+        return Loaded(plan, proof, self._origins(slots), unmeasured)
 
     @staticmethod
     def _overridden(person: Person, overrides: Sequence[Override]) -> Person:

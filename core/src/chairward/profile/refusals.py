@@ -7,6 +7,7 @@ import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from chairward.components import DriveSettings
 from chairward.messages import Command, Intent, Way
 from chairward.plan import ChairKind, Part
 from chairward.profile.errors import ProfileError, shown
@@ -75,6 +76,7 @@ def drive(slot: Slot, part: Part, limits: LimitsTable, stopping: StoppingTable) 
         "full_backward_mm_s": ("limits.backward_mm_s", limits.backward_mm_s),
         "full_turn_deg_s": ("limits.turn_deg_s", limits.turn_deg_s),
         "decel_mm_s2": ("stopping.decel_mm_s2", stopping.decel_mm_s2),
+        "stop_decel_mm_s2": ("stopping.decel_mm_s2", stopping.decel_mm_s2),
     }
     for key, (name, bound) in least.items():
         value = part.settings.get(key)
@@ -82,6 +84,32 @@ def drive(slot: Slot, part: Part, limits: LimitsTable, stopping: StoppingTable) 
             raise ProfileError(
                 f"{slot.origin(key)}{key} = {value:g}: less than {name} = {bound}: lower {name} or correct the drive"
             )
+
+
+def silence(slot: Slot, part: Part, chair: Chair) -> str:
+    """Why this drive may not drive yet: nobody has measured that it stops on silence, and no relay does it; "" when it
+    may. Where nothing real is behind it (a simulator, files) there is nothing to measure.
+
+    Raises ProfileError where it stops later than the proof of distances assumes.
+    """
+    if chair.kind in (ChairKind.SIMULATOR, ChairKind.FILES):
+        return ""
+    place = slot.home.rstrip(".")
+    if not issubclass(slot.component.settings, DriveSettings):
+        raise ProfileError(
+            f"{place}: this drive cannot tell that it stops on silence: its plugin's settings must be a "
+            "chairward.components.DriveSettings"
+        )
+    settings = slot.component.settings.model_validate(part.settings)
+    if unproved := settings.silence_unproved():
+        return f"{place}: {unproved}".replace("check drive'", f"check drive --chair {chair.name}'")
+    measured, assumed = settings.silence_stop_ms or 0, chair.stopping.watchdog_ms
+    if measured > assumed:
+        raise ProfileError(
+            f"{slot.origin('silence_stop_ms')}silence_stop_ms = {measured}: more than stopping.watchdog_ms = "
+            f"{assumed}, which the proof of distances rests on: raise stopping.watchdog_ms to {measured}"
+        )
+    return ""
 
 
 def covers_ahead(chair_label: str, lanes: Sequence[Lane]) -> None:

@@ -60,7 +60,7 @@ stop_device = true
 may = ["stop", "arm", "reset"]
 freshness_ms = 400
 
-[drive.pic_serial]                  # the drives offered; a person picks one
+[drive.pic_serial]                  # the drives offered; a person picks one; measure: chairward check drive
 port = "/dev/ttyUSB0"
 
 # [settings.stereo_range]           # settings of plugins by name: see chairward profile schema chair

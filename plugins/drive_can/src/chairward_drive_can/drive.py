@@ -10,13 +10,13 @@ import time
 from collections.abc import Callable, Sequence
 from typing import NoReturn
 
-from chairward.components import STILL, DriveError, Motion
+from chairward.components import SILENCE_LIMIT_MS, STILL, DriveError, Motion
 from chairward.messages import DriveStatus
 from chairward_drive_can.bus import Bus, Claim, advice, bus_errors, open_bus, sentence
 from chairward_drive_can.dialect import Dialect
 from chairward_drive_can.frames import MS, Frame
 from chairward_drive_can.scale import checked, ramped
-from chairward_drive_can.settings import SILENCE_LIMIT_MS, CanSettings
+from chairward_drive_can.settings import CanSettings
 
 RETRY_NS = (20 * MS, 50 * MS, 100 * MS, 250 * MS, 500 * MS, 1000 * MS)
 """Waits between attempts to open the interface again."""
@@ -78,7 +78,7 @@ class CanDrive:
 
     def arm(self, now_ns: int) -> None:
         if unproved := self._settings.silence_unproved():
-            raise DriveError(unproved)
+            raise DriveError(f"drive.can: {unproved}")
         if self._bus is None:
             raise DriveError(f"{self._name} is not connected; {advice(self._settings)}")
         armed = self._dialect.report(now_ns).armed

@@ -12,6 +12,7 @@ from chairward_drive_can.settings import CanSettings, SimCanSettings
 if TYPE_CHECKING:
     import typer
 
+    from chairward.doctor import Check
     from chairward_drive_can.companion import SimCan
     from chairward_drive_can.drive import CanDrive
 
@@ -61,3 +62,11 @@ def chairward_commands(app: typer.Typer) -> None:
     from chairward_drive_can.cli import add_commands
 
     add_commands(app)
+
+
+@hookimpl
+def chairward_checks() -> Sequence[Check]:
+    """The bus."""
+    from chairward_drive_can.checks import checks
+
+    return checks()

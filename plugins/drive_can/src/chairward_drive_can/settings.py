@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from datetime import date
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from chairward.components import Settings
-
-SILENCE_LIMIT_MS = 250
-"""A chair must stop by itself when commands stop for this long (`check drive` measures it, wheels off the ground)."""
+from chairward.components import SILENCE_LIMIT_MS, DriveSettings, Settings
 
 Takeover = Literal["listen", "follow", "jsm_error", "emulate"]
 SignalName = Annotated[str, Field(pattern=r"^\w+\.\w+$")]
@@ -124,7 +120,7 @@ class Cia402Settings(Settings):
         return self
 
 
-class CanSettings(Settings):
+class CanSettings(DriveSettings):
     """A CAN controller: where it is, what it speaks, and what its motion amounts to."""
 
     dialect: Literal["rnet", "dbc", "cia402"] = Field(description="what the controller speaks")
@@ -162,13 +158,6 @@ class CanSettings(Settings):
     turn_decel_deg_s2: float = Field(default=0.0, ge=0, le=1000, description="the same for turning")
     stale_ms: int = Field(default=50, ge=10, le=50, description="a command older than this is never sent")
     link_ms: int = Field(default=300, ge=40, le=2000, description="a controller silent for so long is lost")
-    silence_stop_ms: int | None = Field(
-        default=None, ge=1, description="measured: from the last command until it stops by itself"
-    )
-    silence_stop_measured: date | None = Field(
-        default=None, description="when that was measured, wheels off the ground"
-    )
-    watchdog_relay: str = Field(default="", description="or: the relay in the motor supply that a missing host opens")
     rnet: RnetSettings = Field(default=RnetSettings())
     dbc: DbcSettings = Field(default=DbcSettings())
     cia402: Cia402Settings = Field(default=Cia402Settings())
@@ -177,23 +166,7 @@ class CanSettings(Settings):
     def _complete(self) -> Self:
         if self.dialect == "dbc" and not self.dbc.file:
             raise ValueError("dialect = 'dbc' needs dbc.file, the DBC file of the controller")
-        if (self.silence_stop_ms is None) != (self.silence_stop_measured is None):
-            raise ValueError("silence_stop_ms and silence_stop_measured belong together: the figure and its date")
         return self
-
-    def silence_unproved(self) -> str:
-        """ "" when this controller is known to stop by itself on silence, else why not, in one sentence."""
-        if self.watchdog_relay:
-            return ""
-        todo = "run 'chairward check drive' with the wheels off the ground, or name a watchdog_relay"
-        if self.silence_stop_ms is None:
-            return f"drive.can: nobody has measured that this controller stops when commands stop; {todo}"
-        if self.silence_stop_ms > SILENCE_LIMIT_MS:
-            return (
-                f"drive.can: the controller stops only {self.silence_stop_ms} ms after the last command, "
-                f"at most {SILENCE_LIMIT_MS} ms are allowed; name a watchdog_relay in its motor supply"
-            )
-        return ""
 
 
 class SimCanSettings(Settings):

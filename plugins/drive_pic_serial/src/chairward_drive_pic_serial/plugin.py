@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -11,6 +11,9 @@ from chairward.components import Component, Context
 from chairward.hookspecs import hookimpl
 from chairward_drive_pic_serial.settings import PicSerialSettings
 from chairward_drive_pic_serial.sim_pic import SimPicSettings
+
+if TYPE_CHECKING:
+    from chairward.doctor import Check
 
 CHAIRWARD_API = 1
 
@@ -61,3 +64,11 @@ def _make_sim(settings: SimPicSettings, context: Context) -> Any:
     from chairward_drive_pic_serial.sim_pic import SimPic
 
     return SimPic(settings, context.run_dir)
+
+
+@hookimpl
+def chairward_checks() -> Sequence[Check]:
+    """The controller at its port."""
+    from chairward_drive_pic_serial.checks import checks
+
+    return checks()

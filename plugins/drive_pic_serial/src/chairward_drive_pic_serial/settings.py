@@ -7,13 +7,13 @@ from typing import Literal
 
 from pydantic import Field
 
-from chairward.components import DriveError, Motion, Settings
+from chairward.components import DriveError, DriveSettings, Motion
 from chairward_drive_pic_serial import wire
 
 _ROUNDING = 1e-6
 
 
-class PicSerialSettings(Settings):
+class PicSerialSettings(DriveSettings):
     """The port, and the scale between mm/s, deg/s and the firmware's -100..100."""
 
     port: str = Field(
