@@ -18,7 +18,7 @@ from typing import Any
 
 import msgspec
 
-from chairward import plan, wire
+from chairward import lending, plan, wire
 from chairward.components import Bench, Component, Context, DeviceLost, EndOfInput, Processor, Source
 from chairward.frames import FrameWriter
 from chairward.messages import Ended, Lost, Message, Parcel
@@ -56,6 +56,7 @@ class Lane:
         self.wake = threading.Event()
         self.lost = False
         self.last_beat = 0.0
+        self.lent = lending.file(run_dir, options.lane)
 
     def run(self) -> int:
         """Until stopped or the input ends: open, read, process, send; 0 at an orderly end."""
@@ -63,6 +64,7 @@ class Lane:
         while not self.stopping:
             self.beat()
             try:
+                self.not_lent()
                 self.source.open()
                 self.lost = False
                 while not self.stopping:
@@ -83,6 +85,7 @@ class Lane:
 
     def step(self) -> None:
         """One item through all stages."""
+        self.not_lent()
         item = self.source.read(READ_TIMEOUT_S)
         self.bench.clear()
         if isinstance(item, msgspec.Struct):
@@ -97,6 +100,11 @@ class Lane:
         if self.frames is not None and self.bench.panes:
             self.frames.write(self.bench.panes)
         self.beat()
+
+    def not_lent(self) -> None:
+        """Raises DeviceLost while set-up has the device."""
+        if self.lent.exists():
+            raise DeviceLost(lending.REASON)
 
     def next_seq(self) -> int:
         """The lane's own sequence, for Lost and Ended; the border does not hold them against the source's."""
