@@ -44,7 +44,7 @@ class Commands:
 
 
 async def _run(arguments: tuple[str, ...], within_s: float) -> Any:
-    process = await _start(arguments)
+    process = await start(arguments)
     try:
         out, err = await asyncio.wait_for(process.communicate(), within_s)
     except TimeoutError:
@@ -60,10 +60,14 @@ async def _run(arguments: tuple[str, ...], within_s: float) -> Any:
     raise CommandError(said[-1].removeprefix("chairward: "))
 
 
-async def _start(arguments: tuple[str, ...], **more: Any) -> asyncio.subprocess.Process:
+async def start(
+    arguments: tuple[str, ...], environment: Mapping[str, str] | None = None, **more: Any
+) -> asyncio.subprocess.Process:
+    """`chairward` with these arguments, its standard output and errors to be read here."""
     pipe = asyncio.subprocess.PIPE
     process = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", "chairward", *arguments),
+        env={**os.environ, **(environment or {})},
         **{"stdin": asyncio.subprocess.DEVNULL, "stdout": pipe, "stderr": pipe, "limit": LINE_BYTES, **more},
     )
     with contextlib.suppress(ProcessLookupError):
@@ -93,7 +97,7 @@ class Worker:
 
     async def _ask(self, line: bytes, within_s: float) -> dict[str, Any]:
         if self._process is None or self._process.returncode is not None:
-            self._process = await _start(
+            self._process = await start(
                 self._arguments, stdin=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.DEVNULL
             )
         assert self._process.stdin is not None

@@ -44,6 +44,11 @@ class Setup:
         return "--profiles", str(Path(self.the_plan().person_file).parent.parent)
 
     @property
+    def environment(self) -> dict[str, str]:
+        """The same for commands without that option."""
+        return {"CHAIRWARD_PROFILES": self.profiles[1]}
+
+    @property
     def people_dir(self) -> Path:
         """Where people's own recordings are kept, a folder each."""
         return Path(self.the_plan().person_dir).parent

@@ -15,6 +15,7 @@ from chairward.components import Context, DeviceLost
 from chairward.messages import Message
 from chairward.plan import Plan
 from chairward.speaking import Speaker
+from chairward_dashboard.calibrate_page import CalibratePage
 from chairward_dashboard.desk import Desk, Outbox
 from chairward_dashboard.doors import Pairing
 from chairward_dashboard.pages import Pages
@@ -61,10 +62,11 @@ class Dashboard:
         setup = Setup(the_plan, context.run_dir, view)
         stops = StopLog(Path(platformdirs.user_state_dir("chairward")) / "stops", settings.keep_stops)
         words = WordsPage(setup, pictures)
-        parts = (words, PersonPage(setup), PluginsPage(setup), stops, Speech())
+        cameras = CalibratePage(setup)
+        parts = (words, cameras, PersonPage(setup), PluginsPage(setup), stops, Speech())
         site = make_site(settings, pages, pairing, [route for part in parts for route in part.routes()])
         fd = os.dup(context.records_fd) if context.records_fd >= 0 else -1
-        self._server = Server(site, listening, pages, stops, fd, at_end=words.close)
+        self._server = Server(site, listening, pages, stops, fd, at_end=[words.close, cameras.close])
         self._server.start()
         log.warning("the screen is at %s", self.url)
 

@@ -3,7 +3,7 @@
 import { get, post } from "./api.js";
 import { $, disable, isOff, make, put, twice } from "./dom.js";
 import { attempt, frame } from "./frame.js";
-import { number, text } from "./texts.js";
+import { has, number, text } from "./texts.js";
 
 const SOON_MS = 500;
 const UNITS = { mm_s2: "mm/s²", deg_s2: "°/s²", mm_s: "mm/s", deg_s: "°/s", mm: "mm", deg: "°", ms: "ms", s: "s" };
@@ -46,14 +46,15 @@ const shown = (value) => (typeof value === "number" ? number(value) : Array.isAr
 
 function limit(row) {
   const name = `limits.${row.key}`;
+  const words = has(`limit.${row.key}`) ? text(`limit.${row.key}`) : row.description;
   const allowed = row.safer === "free" ? "" : text(`person.${row.safer}`, { value: `${shown(row.chair)} ${unit(row.key)}`.trim() });
   if (row.safer === "subset") {
     const boxes = row.chair.map((value) => make("label", { class: "inline" },
       make("input", { type: "checkbox", value, checked: (row.own ?? row.chair).includes(value), "data-set": name }), ` ${text(`command.${value}`)}`));
-    return make("fieldset", { class: "field", "data-name": name }, make("legend", {}, row.description), make("div", { class: "row tight" }, ...boxes), make("small", { class: "quiet" }, allowed));
+    return make("fieldset", { class: "field", "data-name": name }, make("legend", {}, words), make("div", { class: "row tight" }, ...boxes), make("small", { class: "quiet" }, allowed));
   }
   const [least, most] = [row.safer === "higher" ? row.chair : row.least, row.safer === "lower" ? row.chair : row.most];
-  return field(name, row.description, unit(row.key), allowed, { type: "number", value: row.own ?? "", placeholder: row.chair, min: least, max: most, step: row.whole ? 1 : "any" });
+  return field(name, words, unit(row.key), allowed, { type: "number", value: row.own ?? "", placeholder: row.chair, min: least, max: most, step: row.whole ? 1 : "any" });
 }
 
 function choice(row) {

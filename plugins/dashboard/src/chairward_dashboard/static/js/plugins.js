@@ -44,7 +44,7 @@ function settings(row) {
   }))));
 }
 
-const shown = (value) => (value === null || value === undefined || value === "" ? "–" : typeof value === "number" ? number(value) : typeof value === "object" ? JSON.stringify(value) : String(value));
+const shown = (value) => (value === null || value === undefined || value === "" ? "–" : typeof value === "object" ? JSON.stringify(value) : String(value));
 
 function allowed(schema) {
   const kinds = schema.anyOf ?? [schema];
