@@ -18,7 +18,8 @@ from pathlib import Path
 
 import msgspec
 
-from chairward import frames, next_run, plan, records, wire
+from chairward import companions, frames, next_run, plan, records, wire
+from chairward.companions import RunError as RunError
 from chairward.components import STILL
 from chairward.options import BesideOptions, GuardOptions, LaneOptions
 from chairward.plan import LanePlan, Plan
@@ -28,7 +29,6 @@ from chairward.realtime import a_little_ahead
 log = logging.getLogger(__name__)
 
 HEARTBEAT_S = 0.025
-COMPANION_READY_S = 120.0
 LANE_START_S = 90.0
 LANE_HANG_S = 5.0
 GUARD_START_S = 30.0
@@ -40,10 +40,6 @@ BACK_OFF_S = (0.2, 0.5, 1.0, 2.0, 5.0)
 FORGIVEN_S = 10.0
 """A lane that has worked this long is started again at once when it dies the next time."""
 RECORD_BUFFER_BYTES = 4 * 1024 * 1024
-
-
-class RunError(RuntimeError):
-    """The run cannot start or go on: one sentence that names what failed."""
 
 
 @dataclass(slots=True)
@@ -89,8 +85,7 @@ class Supervisor:
 
     def run(self, for_s: float | None = None) -> int:
         """Start everything, supervise, end everything. Returns the guard's exit code. Raises RunError."""
-        plan_file = self.run_dir / "plan.json"
-        plan.write(self.plan, plan_file)
+        plan.write(self.plan, self._plan_file)
         try:
             self._start_companions()
             if not self._stop:
@@ -109,29 +104,7 @@ class Supervisor:
     # ---- starting -------------------------------------------------------------------------------------------------
 
     def _start_companions(self) -> None:
-        waiting: dict[int, str] = {}
-        for name in self.plan.companions:
-            ours, theirs = os.pipe()
-            options = BesideOptions(str(self._plan_file), str(self.run_dir), "companion", name, theirs)
-            self.companions[name] = spawn(self.run_dir, "chairward.beside", options, name, [theirs])
-            os.close(theirs)
-            waiting[ours] = name
-        end = time.monotonic() + COMPANION_READY_S
-        try:
-            while waiting and not self._stop:
-                readable, _, _ = select.select(list(waiting), [], [], 0.1)
-                for fd in readable:
-                    name = waiting.pop(fd)
-                    said = os.read(fd, 16)
-                    os.close(fd)
-                    if not said:
-                        raise RunError(f"companion '{name}' could not start: {last_words(self.run_dir, name)}")
-                if time.monotonic() > end:
-                    names = ", ".join(waiting.values())
-                    raise RunError(f"companion '{names}' was not ready within {COMPANION_READY_S:.0f} s")
-        finally:
-            for fd in waiting:
-                os.close(fd)
+        companions.start(self.plan, self.run_dir, self.companions, lambda: self._stop)
 
     def _start_guard_and_lanes(self) -> None:
         self.rings = {lane.name: frames.create() for lane in self.plan.lanes}
@@ -203,7 +176,7 @@ class Supervisor:
 
     @property
     def _plan_file(self) -> Path:
-        return self.run_dir / "plan.json"
+        return companions.plan_file(self.run_dir)
 
     # ---- watching -------------------------------------------------------------------------------------------------
 
