@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from chairward.components import Component, Context, Source
 from chairward.hookspecs import hookimpl
 from chairward.stages import StereoFrame
 from chairward_cameras.settings import CamerasSettings
+
+if TYPE_CHECKING:
+    from chairward.doctor import Check
 
 CHAIRWARD_API = 1
 
@@ -35,3 +39,11 @@ def chairward_sources() -> Sequence[Component]:
             summary="a webcam pair, or recorded pairs from a manifest or a folder",
         )
     ]
+
+
+@hookimpl
+def chairward_checks() -> Sequence[Check]:
+    """The two cameras."""
+    from chairward_cameras.checks import checks
+
+    return checks()

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from chairward.components import Component, Context
 from chairward.hookspecs import hookimpl
 from chairward.stages import AudioBlock
 from chairward_microphone.settings import MicrophoneSettings
+
+if TYPE_CHECKING:
+    from chairward.doctor import Check
 
 CHAIRWARD_API = 1
 
@@ -34,3 +38,11 @@ def chairward_sources() -> Sequence[Component]:
             summary="a sound card's microphone, or recorded sound",
         )
     ]
+
+
+@hookimpl
+def chairward_checks() -> Sequence[Check]:
+    """The microphone."""
+    from chairward_microphone.checks import checks
+
+    return checks()

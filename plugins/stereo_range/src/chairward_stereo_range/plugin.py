@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -12,6 +12,9 @@ from chairward.hookspecs import hookimpl
 from chairward.messages import RangeReading
 from chairward.stages import DisparityMap, FloorMap, RectifiedPair, StereoFrame
 from chairward_stereo_range.settings import StereoRangeSettings
+
+if TYPE_CHECKING:
+    from chairward.doctor import Check
 
 CHAIRWARD_API = 1
 
@@ -44,3 +47,11 @@ def chairward_commands(app: typer.Typer) -> None:
 
     app.add_typer(range_app, name="range")
     app.add_typer(calibrate_app, name="calibrate")
+
+
+@hookimpl
+def chairward_checks() -> Sequence[Check]:
+    """The calibration."""
+    from chairward_stereo_range.checks import checks
+
+    return checks()
