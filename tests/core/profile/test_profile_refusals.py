@@ -203,8 +203,8 @@ def test_a_drive_that_stops_later_than_250_ms_after_silence_needs_a_relay(house,
 def test_a_silence_longer_than_the_proof_of_distances_assumes_is_refused(house) -> None:
     house.chair["drive"]["wheels"]["silence_stop_ms"] = 230
     assert house.refused() == (
-        "chairs/test.toml: drive.wheels.silence_stop_ms = 230: more than stopping.watchdog_ms = 200, which the proof "
-        "of distances rests on: raise stopping.watchdog_ms to 230"
+        "chairs/test.toml: drive.wheels.silence_stop_ms = 230: more than stopping.watchdog_ms + wire_ms = 204, which "
+        "the proof of distances rests on: raise stopping.watchdog_ms to 226"
     )
 
 

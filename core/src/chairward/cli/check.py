@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import typer
 
+from chairward.cli import check_drive
+
 app = typer.Typer(
     name="check",
     invoke_without_command=True,
@@ -16,3 +18,6 @@ def check(context: typer.Context) -> None:
     """Without a command: what there is to check."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
+
+
+app.command("drive")(check_drive.drive)

@@ -103,11 +103,12 @@ def silence(slot: Slot, part: Part, chair: Chair) -> str:
     settings = slot.component.settings.model_validate(part.settings)
     if unproved := settings.silence_unproved():
         return f"{place}: {unproved}".replace("check drive'", f"check drive --chair {chair.name}'")
-    measured, assumed = settings.silence_stop_ms or 0, chair.stopping.watchdog_ms
-    if measured > assumed:
+    measured, stopping = settings.silence_stop_ms or 0, chair.stopping
+    if measured > stopping.watchdog_ms + stopping.wire_ms:
         raise ProfileError(
-            f"{slot.origin('silence_stop_ms')}silence_stop_ms = {measured}: more than stopping.watchdog_ms = "
-            f"{assumed}, which the proof of distances rests on: raise stopping.watchdog_ms to {measured}"
+            f"{slot.origin('silence_stop_ms')}silence_stop_ms = {measured}: more than stopping.watchdog_ms + wire_ms = "
+            f"{stopping.watchdog_ms + stopping.wire_ms}, which the proof of distances rests on: raise "
+            f"stopping.watchdog_ms to {measured - stopping.wire_ms}"
         )
     return ""
 
