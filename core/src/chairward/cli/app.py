@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from chairward.cli import check, doctor, plugins, profile_edit, record, replay, run, sim
+from chairward.cli import check, doctor, new_plugin, plugins, profile_edit, record, replay, run, sim
 from chairward.plugins import discover
 
 app = typer.Typer(
@@ -21,7 +21,8 @@ app = typer.Typer(
 
 app.command()(run.run)
 app.command()(run.demo)
-app.command("plugins")(plugins.plugins)
+app.add_typer(plugins.app, name="plugins")
+app.command("new-plugin")(new_plugin.new_plugin)
 app.command("doctor")(doctor.doctor)
 app.command("replay")(replay.replay)
 app.add_typer(profile_edit.app, name="profile")

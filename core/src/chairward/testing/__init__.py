@@ -8,7 +8,15 @@ from __future__ import annotations
 
 import pytest
 
-for _module in ("drive_rig", "drive_moving", "drive_stopping", "drive_losing", "drive_extras", "device_rig"):
+for _module in (
+    "drive_rig",
+    "drive_moving",
+    "drive_stopping",
+    "drive_losing",
+    "drive_extras",
+    "drive_measured",
+    "device_rig",
+):
     pytest.register_assert_rewrite(f"chairward.testing.{_module}")
 for _module in ("device", "sensor", "recognizer", "source", "observer"):
     pytest.register_assert_rewrite(f"chairward.testing.{_module}_contract")
@@ -24,6 +32,7 @@ from chairward.testing.drive_extras import (  # noqa: E402
     StopInputContract,
     VersionContract,
 )
+from chairward.testing.drive_measured import MeasurableContract  # noqa: E402
 from chairward.testing.drive_rig import DriveRig  # noqa: E402
 from chairward.testing.observer_contract import ObserverContract, ObserverRig  # noqa: E402
 from chairward.testing.pty_device import PtyDevice  # noqa: E402
@@ -39,6 +48,7 @@ __all__ = [
     "ExclusivePortContract",
     "FiniteSourceContract",
     "FrozenContract",
+    "MeasurableContract",
     "ObserverContract",
     "ObserverRig",
     "Piped",

@@ -25,7 +25,7 @@ from chairward.stages import Pose
 
 MS = 1_000_000
 S = 1_000_000_000
-PATIENCE_S = 10.0
+PATIENCE_S = 8.0
 """How long a contract waits for what must come: far more than any working device needs."""
 SLACK_S = 1.0
 """By how much a call may outstay its time-out on a busy machine."""
@@ -138,7 +138,8 @@ class Reader:
                 if wanted(message):
                     return message
                 recent = [*recent[-4:], message]
-        raise AssertionError(f"{what} did not come within {patience_s:.0f} s; the last it said: {recent or 'nothing'}")
+        said = ", then ".join(brief(message) for message in recent[-2:]) or "nothing"
+        raise AssertionError(f"{what} did not come within {patience_s:.0f} s; the last it said: {said}")
 
     def during(self, seconds: float) -> list[Any]:
         """Everything said while reading that long; a lost device ends it."""
@@ -181,6 +182,16 @@ def accepted(message: Message) -> None:
     except (msgspec.MsgspecError, TypeError, OverflowError) as error:
         raise AssertionError(f"the guard would refuse {message}: {error}") from error
     assert len(data) <= wire.MAX_MESSAGE_BYTES
+
+
+def brief(message: object) -> str:
+    """A message without what it leaves unsaid."""
+    if not isinstance(message, msgspec.Struct):
+        return type(message).__name__
+    fields = msgspec.structs.fields(message)
+    told = [(f.name, getattr(message, f.name)) for f in fields if f.name not in ("seq", "captured_ns")]
+    unsaid = {f.name: f.default for f in fields}
+    return f"{type(message).__name__}({', '.join(f'{n}={v!r}' for n, v in told if unsaid[n] != v)})"
 
 
 def says_who_and_what_to_do(sentence: str, name: str) -> None:

@@ -116,6 +116,7 @@ class RecognizerContract(DeviceContract):
         if not rig.held:
             return
         with opened(rig) as reader:
+            reader.until(well, "Alive(well=True)")
             rig.ask(rig.commands[0])
             first = reader.until(asks, "what is held")
             reader.during(1.0)
@@ -129,6 +130,7 @@ class RecognizerContract(DeviceContract):
         if not rig.held:
             return
         with opened(rig) as reader:
+            reader.until(well, "Alive(well=True)")
             rig.ask(rig.commands[0])
             reader.until(asks, "what is held")
             rig.let_go()
@@ -151,6 +153,7 @@ class RecognizerContract(DeviceContract):
         if not rig.held:
             return
         with opened(rig) as reader:
+            reader.until(well, "Alive(well=True)")
             rig.ask(rig.commands[0])
             reader.until(asks, "what is held")
             rig.unplug()
@@ -176,6 +179,7 @@ class RecognizerContract(DeviceContract):
 
     def test_replugging_does_not_ask_for_anything_by_itself(self, rig: RecognizerRig) -> None:
         with opened(rig) as reader:
+            reader.until(well, "Alive(well=True)")
             rig.ask(rig.commands[0])
             reader.until(asks, "the command")
             rig.let_go()

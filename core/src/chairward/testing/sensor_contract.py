@@ -15,7 +15,7 @@ from typing import Any
 from chairward.components import DeviceLost
 from chairward.messages import RangeReading, Way
 from chairward.testing.device_contract import DeviceContract
-from chairward.testing.device_rig import MS, PATIENCE_S, DeviceRig, Reader, S, opened
+from chairward.testing.device_rig import MS, PATIENCE_S, DeviceRig, Reader, S, brief, opened
 
 
 class SensorRig(DeviceRig):
@@ -211,7 +211,8 @@ class SensorContract(DeviceContract):
                 reader.thing.close()
                 reader.thing.open()
                 first = reader.until(clear_of, "a reading after opening again")
-            assert rig.tells(rig.near_mm)(first), f"what was left of the trouble was read as a distance: {first}"
+            told_right = rig.tells(rig.near_mm)(first)
+            assert told_right, f"what was left of the trouble was read as a distance: {brief(first)}"
 
 
 class FrozenContract:
@@ -252,7 +253,7 @@ def honest(rig: SensorRig, reader: Reader, old_mm: int, changed_ns: int) -> None
     late = [m for m in reader.said if rig.tells(old_mm)(m) and m.captured_ns > limit_ns]
     assert not late, (
         f"{len(late)} readings still tell {old_mm} mm but claim to be captured up to "
-        f"{(late[-1].captured_ns - changed_ns) / MS:.0f} ms after it had changed: drop what waited in the device and "
+        f"{(late[-1].captured_ns - changed_ns) / MS:.0f} ms after it changed: drop what waited in the device and "
         "the port (take the newest), and let captured_ns be when the data was measured, not when it was read"
     )
 
@@ -262,7 +263,7 @@ def never_seen_after(rig: SensorRig, reader: Reader, at_ns: int) -> None:
     reader.during(min(PATIENCE_S, 2 * rig.fresh_s + 0.3))
     limit_ns = at_ns + int(rig.fresh_s * S)
     seen = [m for m in reader.said if clear_of(m) and m.captured_ns > limit_ns]
-    assert not seen, f"it claims to see {(seen[0].captured_ns - at_ns) / MS:.0f} ms later: {seen[0]}"
+    assert not seen, f"it claims to see {(seen[0].captured_ns - at_ns) / MS:.0f} ms later: {brief(seen[0])}"
 
 
 def now_ns() -> int:

@@ -1,0 +1,24 @@
+"""`chairward new-plugin`: four small files to begin a plugin with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from chairward.scaffold import KINDS, ScaffoldError, write
+
+
+def new_plugin(
+    name: Annotated[str, typer.Argument(help="of the plugin: small letters, digits, underscores; e.g. garden_sonar")],
+    kind: Annotated[str, typer.Option(help=f"one of {', '.join(KINDS)}")],
+    into: Annotated[Path, typer.Option("--to", help="the folder in which the plugin's folder is made")] = Path(),
+) -> None:
+    """Make a plugin that passes its contract tests, or fails them with a sentence that says what to do."""
+    try:
+        folder = write(name, kind, into)
+    except ScaffoldError as error:
+        typer.echo(f"chairward: {error}", err=True)
+        raise typer.Exit(2) from error
+    typer.echo(f"{folder}: now  cd {folder}  and  pip install -e '.[testing]'  and  pytest -x")

@@ -1,0 +1,51 @@
+"""A new plugin begins with four small, whole files; a wrong name or place is one sentence and writes nothing."""
+
+from __future__ import annotations
+
+import ast
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from chairward.scaffold import KINDS, ScaffoldError, files, write
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_four_files_that_python_and_pip_understand(kind: str, tmp_path: Path) -> None:
+    folder = write("garden_sonar", kind, tmp_path)
+    made = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+    code, test = "src/chairward_garden_sonar/__init__.py", "tests/test_garden_sonar.py"
+    assert made == sorted(["README.md", "pyproject.toml", code, test])
+    for path in (code, test):
+        ast.parse((folder / path).read_text())
+    project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
+    assert project["entry-points"]["chairward.plugins"] == {"garden_sonar": "chairward_garden_sonar"}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_placeholder_is_left(kind: str) -> None:
+    assert all("$" not in text for text in files("garden_sonar", kind).values())
+
+
+def test_a_working_range_sensor_takes_at_most_sixty_lines() -> None:
+    code = files("sonar", "sensor")[Path("src/chairward_sonar/__init__.py")]
+    assert len(code.splitlines()) <= 60
+
+
+@pytest.mark.parametrize("name", ["Garden", "garden-sonar", "9lives", "class", "", "a__b", "x" * 3 + "_"])
+def test_a_name_that_python_cannot_use_is_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(ScaffoldError, match="small letters"):
+        write(name, "sensor", tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unknown_kind_is_refused_with_those_there_are(tmp_path: Path) -> None:
+    with pytest.raises(ScaffoldError, match="sensor, recognizer, drive, source, observer"):
+        write("sonar", "camera", tmp_path)
+
+
+def test_what_is_there_already_is_not_touched(tmp_path: Path) -> None:
+    write("sonar", "sensor", tmp_path)
+    with pytest.raises(ScaffoldError, match="exists already"):
+        write("sonar", "observer", tmp_path)
