@@ -9,15 +9,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from chairward_voice_dtw import dtw
 from chairward_voice_dtw.audio import RATE_HZ, Floats, SoundError, read_wav, resample
 from chairward_voice_dtw.enrolment import FEWEST, MOST, check, separability, sound_problem
-from chairward_voice_dtw.frontend import MelStream
+from chairward_voice_dtw.frontend import MelStream, features, subtract
 from chairward_voice_dtw.matcher import Matcher
+from chairward_voice_dtw.segmenter import Segment
 from chairward_voice_dtw.settings import VoiceSettings
 from chairward_voice_dtw.store import StoreError, WordStore
 from chairward_voice_dtw.streams import STREAM_HZ, active_rms
@@ -31,12 +35,41 @@ Request = Mapping[str, Any]
 Answer = dict[str, Any]
 
 
+@dataclass(frozen=True, slots=True)
+class Known:
+    """A person's words, ready to be compared: the matcher that decides, and plain distances for people to look at."""
+
+    files: Mapping[str, list[Path]]
+    matcher: Matcher
+    words: list[str]
+    packed: npt.NDArray[np.float32]
+    lengths: npt.NDArray[np.int64]
+
+    @classmethod
+    def of(cls, files: Mapping[str, list[Path]]) -> Known:
+        """Of the recordings of each word. Raises SoundError."""
+        templates = from_files(files)
+        packed, lengths = dtw.pack([features(subtract(t.mel, t.noise)) for t in templates])
+        return cls(files, Matcher(templates), [t.word for t in templates], packed, lengths)
+
+    def nearness(self, segment: Segment) -> list[Answer]:
+        """Each word's distance under the least one, so 1 for the nearest word and less for farther ones, in order."""
+        found = features(subtract(np.ascontiguousarray(segment.mel), segment.noise))
+        distances = np.minimum(dtw.distances(found, self.packed, self.lengths), 1e3)
+        best: dict[str, float] = {}
+        for word, distance in zip(self.words, distances, strict=True):
+            best[word] = min(best.get(word, np.inf), float(distance))
+        least = max(min(best.values()), 1e-6)
+        ordered = sorted(best.items(), key=lambda item: item[1])
+        return [{"word": word, "near": round(least / max(distance, 1e-6), 3)} for word, distance in ordered]
+
+
 class WordsDesk:
     """Answers about the people whose recordings are in one folder (`<people>/<person>/words`)."""
 
     def __init__(self, people: Path) -> None:
         self._people = people
-        self._matcher: tuple[Mapping[str, list[Path]], Matcher] | None = None
+        self._known: Known | None = None
         self._answers: dict[str, Callable[[Request], Answer]] = {
             "list": self._list,
             "look": self._look,
@@ -104,13 +137,13 @@ class WordsDesk:
         if problems and not request.get("force"):
             return {"stored": 0, "problems": problems, "warnings": []}
         store.replace(word, [samples for _, samples in recordings])
-        self._matcher = None
+        self._known = None
         warnings = separability(from_files(store.files())).warnings
         return {"stored": len(recordings), "problems": problems, "warnings": list(warnings)}
 
     def _remove(self, request: Request) -> Answer:
         self._store(request).remove(str(request["word"]))
-        self._matcher = None
+        self._known = None
         return {"removed": request["word"]}
 
     def _try(self, request: Request) -> Answer:
@@ -118,26 +151,20 @@ class WordsDesk:
         files = self._store(request).files()
         if not files:
             raise SoundError(f"{request['person']} has no recorded words yet")
-        if self._matcher is None or self._matcher[0] != files:
-            self._matcher = (files, Matcher(from_files(files)))
-        matcher = self._matcher[1]
+        if self._known is None or self._known.files != files:
+            self._known = Known.of(files)
         segment = cut_out(_sound(Path(str(request["path"]))))
         if segment is None:
             return {"heard": None, "word": "", "score": None, "needed": None, "scores": []}
-        verdict = matcher.judge(segment)
+        verdict = self._known.matcher.judge(segment)
         settings = VoiceSettings()
         needed = settings.stop_threshold if verdict.word in request.get("stop_words", []) else settings.threshold
-        best = float(verdict.distances.min())
-        rows = [
-            {"word": word, "near": round(best / max(float(distance), 1e-6), 3)}
-            for word, distance in zip(matcher.words, verdict.distances, strict=True)
-        ]
         return {
             "heard": verdict.word if verdict.score >= needed else None,
             "word": verdict.word,
             "score": round(verdict.score, 2),
             "needed": needed,
-            "scores": sorted(rows, key=lambda row: -float(str(row["near"]))),
+            "scores": self._known.nearness(segment),
         }
 
 
