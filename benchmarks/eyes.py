@@ -17,7 +17,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from chairward_stereo_range import evaluate, manifest
+from chairward_stereo_range import evaluate, figures, manifest
 from chairward_stereo_range.finder import Options, RangeFinder
 from chairward_stereo_range.gate import thesis_gate
 from chairward_stereo_range.geometry import make_view, scaled
@@ -102,7 +102,7 @@ def main() -> None:
         for method in arguments.methods:
             options = Options(method=method, region="trapezoid")
             results = evaluate.run(chosen, options, SIZES[0], thesis_gate(method))
-            summary = evaluate.summary(results)
+            summary = figures.summary(results)
             out["sets"][name][method] = summary
             print(f"{name:18s} {method:12s} {line(summary)}", flush=True)
     arguments.out.parent.mkdir(parents=True, exist_ok=True)

@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from chairward_stereo_range import evaluate, manifest, statistics
+from chairward_stereo_range import evaluate, figures, manifest, statistics
 from chairward_stereo_range.cli import range_app
 
 COLUMNS = [
@@ -159,7 +159,7 @@ def entry(truth: float, obstacle: str = "wall_tex") -> manifest.Entry:
 )
 def test_figures_follow_their_definitions(cases: list[tuple[float, float, bool]]) -> None:
     results = [evaluate.PairResult(entry(t), z, see, 1.0, "", 0.001) for t, z, see in cases]
-    got = evaluate.synthetic(results)
+    got = figures.synthetic(results)
     due = [(t, z, see) for t, z, see in cases if t < 590]
     clear = [(t, z, see) for t, z, see in cases if t > 1200]
     if due:
@@ -180,13 +180,13 @@ def frames(*cases: tuple[float | None, float, bool]) -> evaluate.SequenceResult:
 
 def test_a_stop_far_from_anything_is_false_and_counted_once() -> None:
     far = (2000.0, 3000.0, True)
-    seen = evaluate.drive(frames(far, (2000.0, 500.0, True), far, far, far, (2000.0, 3000.0, False), far))
+    seen = figures.drive(frames(far, (2000.0, 500.0, True), far, far, far, (2000.0, 3000.0, False), far))
     assert (seen.false_stops, seen.blind_stops, seen.stop_at_mm) == (1, 1, None)
 
 
 def test_an_approach_without_a_stop_is_missed() -> None:
-    assert evaluate.drive(frames((800.0, 800.0, True), (580.0, 700.0, True))).stop_at_mm is None
-    assert evaluate.drive(frames((650.0, 650.0, True), (580.0, 590.0, True))).stop_at_mm == 580.0
+    assert figures.drive(frames((800.0, 800.0, True), (580.0, 700.0, True))).stop_at_mm is None
+    assert figures.drive(frames((650.0, 650.0, True), (580.0, 590.0, True))).stop_at_mm == 580.0
 
 
 @given(n=st.integers(1, 400), data=st.data())
@@ -213,10 +213,10 @@ def test_the_real_drive_is_read_to_a_centimetre(shared: Callable[[str], Path]) -
     from chairward_stereo_range.finder import Options
 
     result = evaluate.run([drive], Options(region="trapezoid"), 240)
-    figures = evaluate.sequence(result.sequences)
-    assert figures["abs_error_median_mm"] <= 12.0  # type: ignore[operator]
-    assert figures["abs_error_p95_mm"] <= 40.0  # type: ignore[operator]
-    assert figures["false_stops_per_100m"] == 0.0
+    measured = figures.sequence(result.sequences)
+    assert measured["abs_error_median_mm"] <= 12.0  # type: ignore[operator]
+    assert measured["abs_error_p95_mm"] <= 40.0  # type: ignore[operator]
+    assert measured["false_stops_per_100m"] == 0.0
 
 
 @pytest.mark.needs_shared
@@ -225,7 +225,7 @@ def test_no_stop_that_is_due_is_missed_unflagged_on_the_shared_sets(shared: Call
 
     for name in ("stereo", "stereo_photoreal"):
         entries = [e for e in manifest.read(shared(f"{name}/manifest.csv")) if e.kind == "synthetic" and not e.hard]
-        figures = evaluate.synthetic(evaluate.run(entries, Options(region="trapezoid"), 240).pairs)
-        assert figures["missed_unflagged_pct"] == 0.0, name
-        assert figures["false_stop_pct"] == 0.0, name
-        assert figures["false_or_blind_pct"] <= 8.0, name  # type: ignore[operator]
+        measured = figures.synthetic(evaluate.run(entries, Options(region="trapezoid"), 240).pairs)
+        assert measured["missed_unflagged_pct"] == 0.0, name
+        assert measured["false_stop_pct"] == 0.0, name
+        assert measured["false_or_blind_pct"] <= 8.0, name  # type: ignore[operator]

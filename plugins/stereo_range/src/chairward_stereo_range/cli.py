@@ -44,7 +44,7 @@ def evaluate_command(
     """Measure distances on a test set and compare them with its truth."""
     from typing import get_args
 
-    from chairward_stereo_range import evaluate
+    from chairward_stereo_range import evaluate, figures
     from chairward_stereo_range import manifest as sets
     from chairward_stereo_range.gate import thesis_gate
     from chairward_stereo_range.matching import Method
@@ -67,7 +67,7 @@ def evaluate_command(
             "method": settings.method,
             "gated": gate is not None,
             "size": size,
-            **evaluate.summary(results),
+            **figures.summary(results),
         }
         if report is not None:
             from chairward_stereo_range.report import write_report

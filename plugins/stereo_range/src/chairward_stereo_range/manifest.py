@@ -1,7 +1,9 @@
 """Test sets: a CSV of stereo pairs and sequences with truth, as other tools made them.
 
 Columns used: name, kind (stereo_gt, synthetic, sequence; others are skipped), left, right, gt, gt_format, baseline_mm,
-focal_px, doffs, nearest_in_roi_mm, source, note. Paths are relative to the CSV. `note` holds words like mount=A.
+focal_px, doffs, nearest_in_roi_mm, source, note. Paths are relative to the CSV. `note` holds words like mount=A, or
+z_mm=520 pitch_deg=8 roll_deg=0 where the mount is neither A nor B. A sequence with region=corridor has the forward
+distance to the nearest thing in the chair's way as its truth, instead of a depth in the thesis' trapezoid.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from chairward.components import Footprint, Pose
 from chairward.stages import Floats, Image, StereoGeometry
 from chairward_stereo_range.geometry import thesis_trapezoid, working_size
 from chairward_stereo_range.opencv import opencv
+from chairward_stereo_range.region import RegionKind
 
 MOUNTS = {"A": Pose(z_mm=400.0, pitch_deg=0.0), "B": Pose(z_mm=700.0, pitch_deg=15.0)}
 """The two camera mounts of the sets: height above the floor and downward pitch."""
@@ -66,7 +69,15 @@ class Entry:
     @property
     def pose(self) -> Pose:
         """The camera's mount; z_mm 0 when the note does not name one."""
-        return MOUNTS.get(self.note.get("mount", ""), Pose())
+        if "z_mm" not in self.note:
+            return MOUNTS.get(self.note.get("mount", ""), Pose())
+        z, pitch, roll = (float(self.note.get(word, "0")) for word in ("z_mm", "pitch_deg", "roll_deg"))
+        return Pose(z_mm=z, pitch_deg=pitch, roll_deg=roll)
+
+    @property
+    def region(self) -> RegionKind:
+        """Where its truth was looked for."""
+        return "corridor" if self.note.get("region") == "corridor" else "trapezoid"
 
     def geometry(self, width_px: int, height_px: int) -> StereoGeometry:
         """Of the set's own pictures, principal point in the middle."""

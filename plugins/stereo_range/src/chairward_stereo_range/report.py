@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from chairward.stages import Image
-from chairward_stereo_range import evaluate, panes
+from chairward_stereo_range import evaluate, figures, panes
 from chairward_stereo_range.evaluate import Gate, PairResult, Results
 from chairward_stereo_range.finder import Measurement, Options
 from chairward_stereo_range.manifest import Entry
@@ -24,12 +24,12 @@ def write_report(
     gate: Gate | None,
 ) -> Path:  # fmt: skip
     """Write `<set>.html` into `folder` and return its path."""
-    cases = evaluate.worst(results, 12)
+    cases = figures.worst(results, 12)
     pictures: dict[str, str] = {}
 
     def keep(entry: Entry, left: Image, found: Measurement) -> None:
         side_by_side = np.hstack(
-            [panes.overlay(left, found, int(evaluate.STOP_MM)), panes.disparity_picture(found, 0, 64)]
+            [panes.overlay(left, found, int(figures.STOP_MM)), panes.disparity_picture(found, 0, 64)]
         )
         pictures[entry.name] = _png(side_by_side)
 
@@ -44,7 +44,7 @@ def write_report(
         *(_case(case, pictures.get(case.entry.name, "")) for case in cases),
     ]
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / evaluate.default_report_name(manifest)
+    path = folder / f"{manifest.parent.name or 'range'}.html"
     text = f"<!doctype html><meta charset=utf-8><title>Range evaluation</title><style>{STYLE}</style>" + "\n".join(body)
     path.write_text(text, encoding="utf-8")
     return path

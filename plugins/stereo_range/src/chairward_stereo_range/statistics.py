@@ -46,6 +46,18 @@ def quantile(values: Sequence[float], q: float) -> Figure:
     return Figure(float(np.quantile(data, q)), n, float(data[low]), float(data[high]))
 
 
+def per_100(events: int, amount: float, n: int) -> Figure:
+    """Events for each hundred of `amount` (metres, hours), with the exact Poisson interval; n: cases they rest on."""
+    from scipy.stats import chi2
+
+    if amount <= 0:
+        return Figure(None, n)
+    tail = (1 - CONFIDENCE) / 2
+    low = 0.0 if events == 0 else float(chi2.ppf(tail, 2 * events)) / 2
+    high = float(chi2.ppf(1 - tail, 2 * events + 2)) / 2
+    return Figure(100.0 * events / amount, n, 100.0 * low / amount, 100.0 * high / amount)
+
+
 def mean(values: Sequence[float]) -> Figure:
     """A mean with the percentile bootstrap (2000 draws, fixed seed)."""
     data = np.asarray([v for v in values if np.isfinite(v)], float)
