@@ -12,10 +12,11 @@ from chairward.testing.drive_extras import (
     StopInputContract,
     VersionContract,
 )
+from chairward.testing.drive_measured import MeasurableContract
 from chairward.testing.drive_rig import DriveRig
 
 
-class TestRnetOverSlcan(DriveContract, RampContract, ExclusivePortContract):
+class TestRnetOverSlcan(DriveContract, RampContract, ExclusivePortContract, MeasurableContract):
     """Takeover `follow`: a power module and the user's joystick behind an slcan adapter on a pty."""
 
     @pytest.fixture
@@ -23,7 +24,9 @@ class TestRnetOverSlcan(DriveContract, RampContract, ExclusivePortContract):
         return rnet_rig
 
 
-class TestDbcOverVirtual(DriveContract, RampContract, StopInputContract, PowerContract, ExclusivePortContract):
+class TestDbcOverVirtual(
+    DriveContract, RampContract, StopInputContract, PowerContract, ExclusivePortContract, MeasurableContract
+):
     """python-can's virtual bus has no descriptor, so the two promises about one are kept the other way round."""
 
     @pytest.fixture
@@ -39,7 +42,9 @@ class TestDbcOverVirtual(DriveContract, RampContract, StopInputContract, PowerCo
         assert rig.drive.fileno() == -1
 
 
-class TestDbcOverSlcan(DriveContract, RampContract, StopInputContract, PowerContract, ExclusivePortContract):
+class TestDbcOverSlcan(
+    DriveContract, RampContract, StopInputContract, PowerContract, ExclusivePortContract, MeasurableContract
+):
     """The same controller behind an slcan adapter."""
 
     @pytest.fixture
@@ -47,7 +52,7 @@ class TestDbcOverSlcan(DriveContract, RampContract, StopInputContract, PowerCont
         return dbc_slcan_rig
 
 
-class TestCia402OverSlcan(DriveContract, ExclusivePortContract, VersionContract):
+class TestCia402OverSlcan(DriveContract, ExclusivePortContract, VersionContract, MeasurableContract):
     """Two CANopen motor controllers behind an slcan adapter on a pty."""
 
     @pytest.fixture
