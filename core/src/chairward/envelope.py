@@ -51,18 +51,7 @@ class Envelope(NamedTuple):
 
 def meet(votes: Iterable[Envelope]) -> Caps:
     """The component-wise minimum of all votes; OPEN when there are none."""
-    forward, backward, left, right = OPEN
-    for vote in votes:
-        f, b, le, r = vote.caps
-        if f < forward:
-            forward = f
-        if b < backward:
-            backward = b
-        if le < left:
-            left = le
-        if r < right:
-            right = r
-    return Caps(forward, backward, left, right)
+    return Caps(*[min(column) for column in zip(OPEN, *[vote.caps for vote in votes], strict=True)])
 
 
 def scale(motion: Motion, caps: Caps) -> float:
@@ -90,4 +79,4 @@ def fit(motion: Motion, caps: Caps) -> Motion:
 def binding(motion: Motion, votes: Sequence[Envelope]) -> tuple[Envelope, ...]:
     """The votes that alone would slow `motion` as much as all together do; none when nothing slows it."""
     worst = scale(motion, meet(votes))
-    return () if worst >= 1.0 else tuple(v for v in votes if scale(motion, v.caps) <= worst)
+    return tuple([vote for vote in votes if scale(motion, vote.caps) <= worst]) if worst < 1.0 else ()

@@ -165,10 +165,10 @@ def one_step(rng: Random) -> tuple[str, Motion, Motion]:
     must(
         no_faster(worse_one.motion, better_one.motion, limits.steer_deg_s),
         f"P2: {name}, and the chair goes {worse_one.motion} instead of {better_one.motion}",
-        f"limits {limits}",
-        f"state {before}",
-        f"facts {facts}",
-        f"worse {worse}",
+        limits,
+        before,
+        facts,
+        worse,
     )
     return name, worse_one.motion, better_one.motion
 
@@ -204,10 +204,10 @@ def twin_rides(rng: Random, ticks: int) -> float:
         must(
             no_faster(slower.motion, better.motion, limits.steer_deg_s),
             f"P2: the worse twin goes {slower.motion}, the other {better.motion}",
-            f"limits {limits}",
-            f"facts {facts}",
-            f"worse {worse}",
-            f"states {twins}",
+            limits,
+            twins,
+            facts,
+            worse,
         )
         twins = [better_state, worse_state]
         way_mm += slower.motion.drive_mm_s * 0.02
