@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 from websockets.sync.client import ClientConnection, connect
@@ -26,6 +27,8 @@ from chairward.stages import Pane
 from chairward_dashboard.settings import DashboardSettings
 from chairward_dashboard.source import Dashboard
 
+WITHIN_S = 150.0
+"""A command of the set-up pages starts a Python of its own; on a loaded machine that takes long."""
 LIMITS = Limits(
     sensors={"front/stereo_range": SourceLimits(freshness_ns=200 * MS, covers=frozenset({Way.AHEAD}))},
     recognizers={"voice/voice_dtw": SourceLimits(freshness_ns=400 * MS)},
@@ -260,3 +263,18 @@ def open_page(chair: Chair) -> Iterator[Callable[..., Page]]:
     yield open_one
     for page in pages:
         page.close()
+
+
+@pytest.fixture
+def call(planned_chair: Chair) -> Iterator[Callable[..., httpx.Response]]:
+    """A request as a page of this server makes it; a dict is sent as JSON."""
+    with httpx.Client(base_url=planned_chair.source.url, timeout=WITHIN_S) as client:
+        origin = {"origin": planned_chair.source.url.removesuffix("/")}
+
+        def one(path: str, data: dict[str, Any] | bytes | None = None) -> httpx.Response:
+            if data is None:
+                return client.get(f"/api/{path}")
+            more = {"content": data} if isinstance(data, bytes) else {"json": data}
+            return client.post(f"/api/{path}", headers=origin, **more)
+
+        yield one

@@ -6,7 +6,6 @@ While it works the lane has lent its cameras, so the chair cannot move. The resu
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import json
 import signal
 from pathlib import Path
@@ -57,12 +56,12 @@ class CalibratePage:
             Route("/api/calibrate/keep", told(self.keep), methods=["POST"]),
         ]
 
-    def close(self) -> None:
+    async def close(self) -> None:
         """End the command, and give the cameras back."""
-        if self._process is not None and self._process.returncode is None:
+        if self._running and self._process is not None:
             self._process.kill()
-        with contextlib.suppress(Refused):
-            lending.take_back(self._setup.run_dir, self._lane().name)
+        if self._reader is not None:
+            await self._reader
 
     def _lane(self) -> LanePlan:
         """The lane with the camera pair. Raises Refused."""

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Mapping
 from typing import Any
 
-NICENESS = 10
+NICENESS = 5
 MOST_WAITING = 4
 LINE_BYTES = 2**20
 IDLE_S = 120.0
@@ -31,7 +31,7 @@ class Commands:
         self._turn = asyncio.Lock()
         self._waiting = 0
 
-    async def json(self, *arguments: str, within_s: float = 60.0) -> Any:
+    async def json(self, *arguments: str, within_s: float = 120.0) -> Any:
         """What the command prints, also when it ends badly but says so in JSON. Raises CommandError."""
         if self._waiting >= MOST_WAITING:
             raise CommandError("the chair is busy with what other screens have asked for: try again in a moment")
@@ -50,8 +50,7 @@ async def _run(arguments: tuple[str, ...], within_s: float) -> Any:
     except TimeoutError:
         raise CommandError(f"'chairward {arguments[0]}' took more than {within_s:.0f} s and was ended") from None
     finally:
-        if process.returncode is None:
-            process.kill()
+        await end(process)
     if out.strip():
         with contextlib.suppress(ValueError):
             return json.loads(out)
@@ -75,6 +74,15 @@ async def start(
     return process
 
 
+async def end(process: asyncio.subprocess.Process | None) -> None:
+    """Kill what still runs, and see it gone."""
+    if process is not None and process.returncode is None:
+        process.kill()
+        if process.stdin is not None:
+            process.stdin.close()
+        await process.wait()
+
+
 class Worker:
     """A command that answers JSON lines; started at the first question, ended when nobody has asked for a while."""
 
@@ -82,15 +90,15 @@ class Worker:
         self._arguments = arguments
         self._turn = asyncio.Lock()
         self._process: asyncio.subprocess.Process | None = None
-        self._end: asyncio.TimerHandle | None = None
+        self._rest: asyncio.Task[None] | None = None
 
-    async def ask(self, request: Mapping[str, Any], within_s: float = 60.0) -> dict[str, Any]:
+    async def ask(self, request: Mapping[str, Any], within_s: float = 120.0) -> dict[str, Any]:
         """One answer. Raises CommandError with the command's own sentence."""
+        if self._rest is not None:
+            self._rest.cancel()
         async with self._turn:
-            if self._end is not None:
-                self._end.cancel()
             answer = await self._ask(json.dumps(request, ensure_ascii=False).encode() + b"\n", within_s)
-            self._end = asyncio.get_running_loop().call_later(IDLE_S, self.close)
+            self._rest = asyncio.create_task(self._leave())
         if "error" in answer:
             raise CommandError(str(answer["error"]))
         return answer
@@ -107,15 +115,23 @@ class Worker:
             await self._process.stdin.drain()
             answer = json.loads(await asyncio.wait_for(self._process.stdout.readline(), within_s))
         except (TimeoutError, ValueError, ConnectionError) as error:
-            self.close()
+            await self.close()
             name = " ".join(self._arguments[:2])
             raise CommandError(
                 f"'chairward {name}' does not answer: is the plugin that offers it installed?"
             ) from error
         return dict(answer)
 
-    def close(self) -> None:
+    async def _leave(self) -> None:
+        """Nobody has asked for a while: end it."""
+        await asyncio.sleep(IDLE_S)
+        async with self._turn:
+            await end(self._process)
+            self._process = None
+
+    async def close(self) -> None:
         """End it; it is started again when asked."""
-        if self._process is not None and self._process.returncode is None:
-            self._process.kill()
+        if self._rest is not None:
+            self._rest.cancel()
+        await end(self._process)
         self._process = None

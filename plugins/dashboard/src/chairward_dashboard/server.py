@@ -10,7 +10,7 @@ import logging
 import socket
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any
 
 import msgspec
@@ -40,7 +40,7 @@ class Server:
         pages: Pages,
         stops: StopLog,
         fd: int,
-        at_end: Sequence[Callable[[], None]] = (),
+        at_end: Sequence[Callable[[], Awaitable[None]]] = (),
     ) -> None:
         self.failed = ""
         self._pages, self._listening, self._stops, self._at_end = pages, listening, stops, at_end
@@ -99,7 +99,7 @@ class Server:
                     task.result()
         finally:
             for end in self._at_end:
-                end()
+                await end()
             for task in tasks:
                 task.cancel()
             if self._records is not None:

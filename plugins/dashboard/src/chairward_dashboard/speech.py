@@ -12,6 +12,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from chairward_dashboard.answers import Refused, told
+from chairward_dashboard.commands import end
 
 LONGEST = 240
 KEPT = 64
@@ -59,8 +60,7 @@ class Speech:
         except TimeoutError:
             raise Refused(503, "espeak-ng took too long") from None
         finally:
-            if process.returncode is None:
-                process.kill()
+            await end(process)
         if len(sound) < 44 or sound[:4] != b"RIFF":
             raise Refused(503, "espeak-ng gave no sound")
         return sized(sound)

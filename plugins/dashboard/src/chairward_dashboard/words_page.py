@@ -86,10 +86,10 @@ class WordsPage:
             Route("/api/words/means", told(self.means), methods=["POST"]),
         ]
 
-    def close(self) -> None:
+    async def close(self) -> None:
         """End the recognizer's command."""
         if self._worker is not None:
-            self._worker.close()
+            await self._worker.close()
 
     @property
     def worker(self) -> Worker:
