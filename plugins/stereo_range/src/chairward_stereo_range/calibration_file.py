@@ -32,7 +32,11 @@ class Camera(BaseModel):
 
 
 class Calibration(BaseModel):
-    """A rig: a point X of the left camera is  rotation X + translation_mm  in the right one."""
+    """A rig: a point X of the left camera is  rotation X + translation_mm  in the right one.
+
+    epipolar: difference of rows after rectification, in px of the taken pictures; unseen: on views left out of the
+    solution. board_bend_mm: how far the board's corners really lay from where a perfect board has them.
+    """
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
     format: Literal["chairward-stereo-calibration"] = "chairward-stereo-calibration"
@@ -49,6 +53,8 @@ class Calibration(BaseModel):
     rms_stereo_px: Annotated[float, Field(ge=0)]
     epipolar_mean_px: Annotated[float, Field(ge=0)]
     epipolar_p95_px: Annotated[float, Field(ge=0)]
+    epipolar_p95_unseen_px: Annotated[float | None, Field(ge=0)] = None
+    board_bend_mm: Annotated[float, Field(ge=0)] = 0.0
     views_used: list[str]
     views_dropped: dict[str, str]
 

@@ -1,8 +1,7 @@
-"""`chairward range ...` and `chairward calibrate ...`."""
+"""`chairward range ...`."""
 
 from __future__ import annotations
 
-import glob
 import json
 import re
 from pathlib import Path
@@ -11,17 +10,11 @@ from typing import Annotated, Any
 import typer
 
 range_app = typer.Typer(no_args_is_help=True, help="Distances by stereo: how good are they?")
-calibrate_app = typer.Typer(no_args_is_help=True, help="Calibrate what the chair sees with.")
 
 
 @range_app.callback()
 def _range() -> None:
     """Keep `range evaluate` a sub-command."""
-
-
-@calibrate_app.callback()
-def _calibrate() -> None:
-    """Keep `calibrate stereo` a sub-command."""
 
 
 def _fail(message: str) -> typer.Exit:
@@ -93,68 +86,3 @@ def _lines(summary: dict[str, Any], indent: str = "") -> list[str]:
             extra = f"  [{low_high[0]}, {low_high[1]}]  n {n}" if low_high and low_high[0] is not None else ""
             lines.append(f"{indent}{key:24s} {value}{extra}")
     return lines
-
-
-@calibrate_app.command("stereo")
-def calibrate_stereo(
-    left: Annotated[str, typer.Option(help="Pattern of the left pictures, e.g. 'boards/left*.jpg'")],
-    right: Annotated[
-        str, typer.Option(help="Pattern of the right pictures; paired with the left ones by order of name")
-    ],
-    out: Annotated[Path, typer.Option(help="The calibration file to write")],
-    board: Annotated[str, typer.Option(help="Inner corners, COLUMNSxROWS")] = "9x6",
-    square_mm: Annotated[float, typer.Option(min=1.0, max=500.0, help="Side of one square, mm")] = 25.0,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output")] = False,
-) -> None:
-    """Calibrate a stereo pair from pictures of a chessboard, and write the chair's calibration file."""
-    from chairward_stereo_range import calibrate as work
-    from chairward_stereo_range.calibration_file import CalibrationError
-
-    found = re.fullmatch(r"(\d+)x(\d+)", board)
-    if found is None or min(int(found.group(1)), int(found.group(2))) < 3:
-        raise _fail(f"--board {board}: write the inner corners as COLUMNSxROWS, at least 3x3, e.g. 9x6")
-    columns, rows = int(found.group(1)), int(found.group(2))
-    try:
-        pairs = _pairs(left, right)
-        views, dropped, size = work.find_views(pairs, (columns, rows))
-        result = work.calibrate(views, dropped, size, (columns, rows), square_mm)
-        result.save(out)
-    except CalibrationError as error:
-        raise _fail(str(error)) from error
-    summary = {
-        "views_used": len(result.views_used),
-        "views_dropped": len(result.views_dropped),
-        "dropped": result.views_dropped,
-        "rms_left": round(result.left.rms_px, 4),
-        "rms_right": round(result.right.rms_px, 4),
-        "rms_stereo": round(result.rms_stereo_px, 4),
-        "epipolar_mean": round(result.epipolar_mean_px, 4),
-        "epipolar_p95": round(result.epipolar_p95_px, 4),
-        "out": str(out),
-    }
-    typer.echo(json.dumps(summary) if as_json else "\n".join(_lines(summary)))
-
-
-def _natural(path: str) -> list[int | str]:
-    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", path)]
-
-
-def _pairs(left: str, right: str) -> list[tuple[Path, Path]]:
-    """Left and right pictures by their numbers where all names have one that both sides share, else by order."""
-    from chairward_stereo_range.calibration_file import CalibrationError
-
-    sides = [sorted(glob.glob(pattern), key=_natural) for pattern in (left, right)]
-    for option, pattern, names in (("--left", left, sides[0]), ("--right", right, sides[1])):
-        if not names:
-            raise CalibrationError(f"{option} {pattern}: matches no file")
-    by_number = [
-        {m.group(0): name for name in names if (m := re.search(r"\d+(?=\D*$)", Path(name).name))} for names in sides
-    ]
-    shared = [number for number in by_number[0] if number in by_number[1]]
-    if shared and all(len(n) == len(s) for n, s in zip(by_number, sides, strict=True)):
-        return [(Path(by_number[0][n]), Path(by_number[1][n])) for n in shared]
-    if len(sides[0]) != len(sides[1]):
-        raise CalibrationError(
-            f"--left matches {len(sides[0])} files, --right {len(sides[1])}: give equally many, or number them alike"
-        )
-    return [(Path(a), Path(b)) for a, b in zip(*sides, strict=True)]

@@ -43,7 +43,8 @@ def chairward_sensors() -> Sequence[Component]:
 @hookimpl
 def chairward_commands(app: typer.Typer) -> None:
     """`chairward range ...` and `chairward calibrate ...`."""
-    from chairward_stereo_range.cli import calibrate_app, range_app
+    from chairward_stereo_range.calibration.cli import app as calibrate_app
+    from chairward_stereo_range.cli import range_app
 
     app.add_typer(range_app, name="range")
     app.add_typer(calibrate_app, name="calibrate")
