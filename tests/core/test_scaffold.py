@@ -49,3 +49,8 @@ def test_what_is_there_already_is_not_touched(tmp_path: Path) -> None:
     write("sonar", "sensor", tmp_path)
     with pytest.raises(ScaffoldError, match="exists already"):
         write("sonar", "observer", tmp_path)
+
+
+def test_the_sensor_in_the_docs_is_the_one_that_is_made() -> None:
+    page = Path(__file__).resolve().parents[2] / "docs" / "write-a-plugin.md"
+    assert files("garden_sonar", "sensor")[Path("src/chairward_garden_sonar/__init__.py")] in page.read_text()

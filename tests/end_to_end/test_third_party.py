@@ -212,6 +212,7 @@ def test_its_veto_stops_a_chair_driven_by_hand(
     kept = {k: v for k, v in os.environ.items() if k not in ("VIRTUAL_ENV", "PYTHONPATH")}
     run = subprocess.Popen(
         [str(clean.bin / "chairward"), "run", "--chair", str(chair), "--headless", "--for", "120s", "--json"],
+        cwd=tmp_path,
         env={**kept, "TMPDIR": str(tmp_path), "PATH": f"{clean.bin}:{kept.get('PATH', '')}"},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
