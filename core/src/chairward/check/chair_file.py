@@ -11,7 +11,7 @@ from typing import Any
 import tomlkit
 from tomlkit.items import Item, String
 
-MEASURED = re.compile(r"(^|; )measured?\b.*$")
+MEASURED = re.compile(r"(^|[;,] *)measured?\b.*$")
 """What an earlier call, or a template ("measure"), says at the end of a comment."""
 
 

@@ -147,9 +147,8 @@ class DriveCheck:
         longest_ms = math.ceil(max(took))
         found = f"{longest_ms} ms after the last command ({self._eyes.method})"
         if longest_ms > SILENCE_LIMIT_MS:
-            return Finding(
-                step, False, f"{found}: more than {SILENCE_LIMIT_MS} ms, name a watchdog_relay in its supply"
-            )
+            wanted = f"at most {SILENCE_LIMIT_MS} ms are allowed: name a watchdog_relay in the motor supply"
+            return Finding(step, False, f"{found}; {wanted}")
         return Finding(step, True, found, {"silence_stop_ms": longest_ms})
 
     def _after_silence(self, step: str) -> Finding:

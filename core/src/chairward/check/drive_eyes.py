@@ -82,7 +82,7 @@ class Instruments:
         """From the last command until the speed falls; it must then come to rest."""
         self._steady(bench, motion)
         was, last_ns = self._look(), bench.commanded_ns
-        if not bench.silent(longest_s, lambda: _share(self._look(), was) < FALLEN):
+        if not bench.silent(longest_s, lambda: self._part(self._look()) < FALLEN * self._part(was)):
             raise BenchError(f"nobody has spoken to the controller for {longest_s:g} s, and the wheels still turn")
         fell_ns = bench.clock.now_ns()
         if not bench.silent(STOP_S, lambda: self._stands(motion)):
@@ -116,7 +116,12 @@ class Instruments:
         bench.hold(STILL, STOP_S, lambda: self._look() == STILL)
 
     def _stands(self, motion: Motion) -> bool:
-        return _share(self._look(), motion) < NOTHING
+        """Neither part is more than a little of what was commanded."""
+        return self._part(self._look()) < NOTHING * self._part(motion)
+
+    def _part(self, motion: Motion) -> float:
+        """Of full speed, the larger of both parts."""
+        return max(abs(motion.drive_mm_s / self._full.drive_mm_s), abs(motion.turn_deg_s / self._full.turn_deg_s))
 
 
 def from_pins(read: Callable[[], Mapping[str, float]], full: Motion) -> Callable[[], Motion]:
@@ -153,12 +158,6 @@ def from_reports(bench: DriveBench) -> Callable[[], Motion]:
         return Motion(bench.status.speed_mm_s or 0.0, bench.status.turn_deg_s or 0.0)
 
     return look
-
-
-def _share(seen: Motion, of: Motion) -> float:
-    """What is left of a motion, along its larger part."""
-    parts = [abs(now / was) for now, was in zip(seen, of, strict=True) if was]
-    return max(parts, default=0.0)
 
 
 def _sign(value: float, full: float) -> int:

@@ -1,0 +1,300 @@
+"""The acceptance run of a chair, wheels off the ground: everything that has to be true before somebody sits in it.
+
+Each step makes one thing happen and says what it found, beside what is allowed. A step that cannot be made says why; it
+has then failed. The chair is the whole chair, with its own guard, lanes and drive; only the hand is the check's.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from chairward.check.stimulus import Stimulus
+from chairward.check.timing import Timing, measure
+from chairward.check.trial import HAND, Trial, TrialError, moves, told
+from chairward.components import STILL
+from chairward.facts import MS, S
+from chairward.messages import Button, Command, Way
+from chairward.records import Record
+
+WAYS = (Command.FRONT, Command.BACK, Command.LEFT, Command.RIGHT)
+CLEAR_MM, FAR_MM = 1500.0, 4000.0
+WRONG_BY_MM = 150.0
+"""A distance that is placed by hand, or stood at by a simulated person, and is seen, may differ by so much."""
+LOOK_S = 6.0
+MACHINE_MS = 150.0
+"""Of a computer that has other things to do: granted to every step that is timed beside the chair's own limits."""
+
+
+class Judge(Protocol):
+    """Who says what cannot be seen from here: a person beside the chair, or the pins of a simulated controller.
+
+    timed: it answers at once, so that what it sees can be timed.
+    """
+
+    timed: bool
+
+    def turns(self, chair: Trial, way: Command) -> str:
+        """Which way the wheels turn now ("" for nothing), while `way` is held."""
+
+    def place(self, distance_mm: float) -> None:
+        """Put an obstacle so far ahead of the footprint."""
+
+    def clear(self) -> None:
+        """Take it away."""
+
+    def unplug(self, chair: Trial, lane: str) -> None:
+        """Unplug that lane's device."""
+
+    def plug(self, chair: Trial, lane: str) -> None:
+        """And plug it in again."""
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """One step: what was found, what is allowed. curve: seconds, told speed and (simulated) duty round it."""
+
+    step: str
+    ok: bool
+    found: str
+    allowed: str = ""
+    curve: Sequence[tuple[float, float]] = ()
+    picture: bytes | None = None
+
+
+@dataclass(slots=True)
+class Acceptance:
+    """The steps of one chair, in order."""
+
+    chair: Trial
+    judge: Judge
+    stimulus: Stimulus
+    distances_mm: Sequence[float] = (500.0, 700.0, 1000.0)
+    times: int = 10
+    watchdog_ms: int = 200
+    timing: Timing | None = None
+    _from: int = field(default=0)
+
+    def steps(self) -> list[tuple[str, Callable[[], Result]]]:
+        """Name and step. The last ends the run: it kills the guard."""
+        lanes = [lane.name for lane in self.chair.plan.lanes if lane.name != HAND]
+        sensing = [lane.name for lane in self.chair.plan.lanes if lane.covers]
+        found: list[tuple[str, Callable[[], Result]]] = [("not armed", self._not_armed)]
+        found += [(f"sign: {way}", lambda way=way: self._sign(way)) for way in WAYS]  # type: ignore[misc]
+        found += [(f"cap: {way}", lambda way=way: self._cap(way)) for way in WAYS]  # type: ignore[misc]
+        found += [
+            (f"obstacle at {mm:g} mm", lambda mm=mm: self._obstacle(mm))  # type: ignore[misc]
+            for mm in self.distances_mm
+        ]
+        found += [("stop device", self._stop_pressed), ("hand lost", self._hand_lost)]
+        found += [(f"unplugged: {name}", lambda name=name: self._unplugged(name)) for name in sensing]  # type: ignore[misc]
+        found += [(f"killed: lane {name}", lambda name=name: self._killed(name)) for name in lanes]  # type: ignore[misc]
+        return [*found, ("reaction", self._reaction), ("killed: guard", self._guard)]
+
+    def run(self, only: Sequence[str] = ()) -> Iterator[Result]:
+        """One result a step; only: those whose names begin so."""
+        for name, step in self.steps():
+            if only and not name.startswith(tuple(only)):
+                continue
+            last = self.chair.last
+            self._from = last.tick if last is not None else 0
+            try:
+                result = step()
+            except TrialError as error:
+                result = Result(name, False, str(error))
+            yield Result(name, result.ok, result.found, result.allowed, self._curve(), result.picture)
+
+    def _curve(self) -> list[tuple[float, float]]:
+        """Seconds and told speed since the step began."""
+        mine = [record for record in list(self.chair.records) if record.tick >= self._from]
+        return [((r.facts.now_ns - mine[0].facts.now_ns) / S, told(r).drive_mm_s) for r in mine]
+
+    # ---- steps --------------------------------------------------------------------------------------------------
+
+    def _not_armed(self) -> Result:
+        """Before ARM nothing moves, whatever is asked."""
+        self.chair.hand.hold(Command.FRONT)
+        moved = self.chair.wait(lambda r: told(r) != STILL, 1.5)
+        self.chair.hand.hold(None)
+        return Result("", moved is None, "stands" if moved is None else f"told {told(moved)}", "stands")
+
+    def _sign(self, way: Command) -> Result:
+        """Each way is that way."""
+        self.chair.drive(way)
+        self.chair.wait(lambda r: not moves(told(r), way), 0.6)
+        seen = self.judge.turns(self.chair, way)
+        self.chair.stand()
+        return Result("", seen == way, seen or "nothing turns", way)
+
+    def _cap(self, way: Command) -> Result:
+        """The way's speed is reached, and never passed."""
+        self.chair.drive(way)
+        self.chair.wait(lambda r: not moves(told(r), way), 2.5)
+        self.chair.stand()
+        limits, index = self.chair.plan.limits, list(WAYS).index(way)
+        cap = min(limits.caps[index], (limits.forward_mm_s, limits.backward_mm_s, *(limits.turn_deg_s,) * 2)[index])
+        most = max(self._speed(record, index) for record in self._since())
+        reached = most > 0.5 * min(cap, self._unseen(index))
+        unit = "mm/s" if index < 2 else "deg/s"
+        return Result("", reached and most <= cap + 1e-6, f"{most:.1f} {unit}", f"at most {cap:g} {unit}")
+
+    def _unseen(self, index: int) -> float:
+        """What a way that no sensor watches may do at most."""
+        watched = {w for need in self.chair.plan.limits.sensors.values() for w in need.covers}
+        return float("inf") if tuple(Way)[index] in watched else self.chair.plan.limits.unseen[index]
+
+    @staticmethod
+    def _speed(record: Record, index: int) -> float:
+        drive, turn = told(record)
+        return (drive, -drive, turn, -turn)[index]
+
+    def _obstacle(self, distance_mm: float) -> Result:
+        """Seen where it was placed; nearer than stop_mm it closes the way, nearer than avoid_mm it slows the chair."""
+        limits = self.chair.plan.limits
+        self.judge.place(distance_mm)
+        try:
+            self.chair.stand()
+            seen = self.chair.wait(lambda r: _near(r, distance_mm), LOOK_S)
+            picture = self.chair.picture()
+            if seen is None:
+                last = self.chair.last
+                nearest = last.decision.nearest_mm if last is not None else None
+                return Result("", False, f"seen at {nearest} mm", f"{distance_mm:g} mm", picture=picture)
+            self.chair.arm()
+            self.chair.hand.hold(Command.FRONT)
+            self.chair.wait(_never, 1.5)
+            most = max(told(record).drive_mm_s for record in self._since()[-60:])
+            self.chair.stand()
+        finally:
+            self.judge.clear()
+            self._forget()
+        nearest = seen.decision.nearest_mm or 0
+        least, largest = distance_mm - WRONG_BY_MM, distance_mm + WRONG_BY_MM
+        allowed = limits.caps.forward_mm_s if distance_mm > limits.avoid_mm else limits.avoid_mm_s
+        allowed = 0.0 if distance_mm <= limits.stop_mm else allowed
+        ok = most <= allowed + 1e-6 and least <= nearest <= largest
+        return Result(
+            "",
+            ok,
+            f"seen at {nearest} mm, then at most {most:.0f} mm/s",
+            f"{distance_mm:g} mm ± {WRONG_BY_MM:g}, at most {allowed:g} mm/s",
+            picture=picture,
+        )
+
+    def _forget(self) -> None:
+        """What was near and was taken away is still there for rule 6, until somebody says that it is not."""
+        self.chair.wait(lambda r: (r.decision.nearest_mm or FAR_MM) > CLEAR_MM, LOOK_S)
+        self.chair.hand.press(Button.RESET)
+        self.chair.wait(lambda r: not r.after.near, 2.0)
+
+    def _stop_pressed(self) -> Result:
+        """The stop device stops at once, and only RESET and ARM make the chair move again."""
+        self.chair.drive()
+        pressed_ns = time.monotonic_ns()
+        self.chair.hand.press(Button.STOP)
+        stopped = self.chair.must(lambda r: told(r) == STILL, "a stop", 3.0, pressed_ns)
+        again = self.chair.wait(lambda r: told(r) != STILL, 1.0)
+        self.chair.stand()
+        took = (stopped.wrote_ns - pressed_ns) / MS
+        ok = again is None and stopped.told_hard and took <= MACHINE_MS
+        found = f"{took:.0f} ms, {'hard stop' if stopped.told_hard else 'no hard stop'}"
+        return Result(
+            "", ok, found if again is None else f"{found}, then it moved again", f"{MACHINE_MS:g} ms, latched"
+        )
+
+    def _hand_lost(self) -> Result:
+        """Letting go of a held command stops the chair within its time."""
+        self.chair.drive()
+        let_go_ns = time.monotonic_ns()
+        self.chair.hand.hold(None)
+        stopped = self.chair.must(lambda r: told(r) == STILL, "a stop", 3.0, let_go_ns)
+        took = (stopped.wrote_ns - let_go_ns) / MS
+        allowed = self.chair.plan.limits.held_ns / MS + MACHINE_MS
+        return Result("", took <= allowed, f"{took:.0f} ms", f"{allowed:.0f} ms")
+
+    def _unplugged(self, lane: str) -> Result:
+        """A device that is gone stops the chair, by name; when it is there again, RESET and ARM let it drive."""
+        self.chair.drive()
+        gone_ns = time.monotonic_ns()
+        self.judge.unplug(self.chair, lane)
+        try:
+            return self._silenced(lane, gone_ns, by_age=not self.judge.timed)
+        finally:
+            self.judge.plug(self.chair, lane)
+            self.chair.hand.hold(None)
+            self.chair.wait(_all_there, 60.0)
+
+    def _killed(self, lane: str) -> Result:
+        """A process that is gone stops the chair, by name, and is started again."""
+        self.chair.drive()
+        process = self.chair.supervisor.lanes[lane].process
+        gone_ns = time.monotonic_ns()
+        os.killpg(process.pid, signal.SIGKILL)
+        try:
+            result = self._silenced(lane, gone_ns)
+        finally:
+            self.chair.hand.hold(None)
+        back = self.chair.wait(_all_there, 60.0)
+        if back is None:
+            return Result("", False, f"{result.found}, and it was not started again", result.allowed)
+        return result
+
+    def _silenced(self, lane: str, gone_ns: int, *, by_age: bool = False) -> Result:
+        """How long until the drive was told to stand, and whether the culprit was named.
+
+        by_age: a person took it away, nobody knows when: it counts from the last thing that the lane has said.
+        """
+        stopped = self.chair.must(lambda r: told(r) == STILL, "a stop", 5.0, gone_ns)
+        said = [w[-1].captured_ns for name, w in stopped.facts.ranges.items() if name.partition("/")[0] == lane]
+        took = (stopped.wrote_ns - (max(said) if by_age and said else gone_ns)) / MS
+        plan = next(one for one in self.chair.plan.lanes if one.name == lane)
+        allowed = plan.freshness_ns / MS + MACHINE_MS
+        named = any(why.source.partition("/")[0] == lane for why in stopped.decision.reasons)
+        named = named or lane in stopped.decision.latch
+        found = f"{took:.0f} ms, {'named' if named else 'not named: ' + self.chair.why()}"
+        return Result("", named and took <= allowed, found, f"{allowed:.0f} ms, named")
+
+    def _reaction(self) -> Result:
+        """From glass to wire, within what the proof of distances reckons with."""
+        self.timing = measure(self.chair, self.stimulus, self.times)
+        limits = self.chair.plan.limits
+        allowed = limits.reaction_s * 1000.0
+        return Result("", self.timing.longest_ms <= allowed, str(self.timing), f"{allowed:.0f} ms")
+
+    def _guard(self) -> Result:
+        """The controller stops by itself when the guard is gone; this ends the run."""
+        self.chair.drive()
+        guard = self.chair.supervisor.up
+        if guard is None:
+            return Result("", False, "the guard has never said that it is up")
+        gone = time.monotonic()
+        os.kill(guard.pid, signal.SIGKILL)
+        while (turning := self.judge.turns(self.chair, Command.FRONT)) and time.monotonic() - gone < 5.0:
+            time.sleep(0.002)
+        took = (time.monotonic() - gone) * 1000.0
+        allowed = self.watchdog_ms + MACHINE_MS
+        if not self.judge.timed:
+            return Result("", not turning, turning or "the wheels stand", "the wheels stand")
+        found = f"no drive at the wheels after {took:.0f} ms"
+        return Result("", not turning and took <= allowed, found, f"{allowed:.0f} ms")
+
+    def _since(self) -> list[Record]:
+        return [record for record in list(self.chair.records) if record.tick >= self._from]
+
+
+def _near(record: Record, distance_mm: float) -> bool:
+    nearest = record.decision.nearest_mm
+    return nearest is not None and abs(nearest - distance_mm) <= WRONG_BY_MM
+
+
+def _never(_: Record) -> bool:
+    """Only let time pass."""
+    return False
+
+
+def _all_there(record: Record) -> bool:
+    return not any(why.rule == "freshness" for why in record.decision.reasons) and not record.facts.lost
