@@ -55,8 +55,9 @@ def test_nearer_or_coming_closer_never_allows_more(a: int, b: int, closing: int)
 
 
 def test_while_there_is_room_the_chair_creeps_so_that_the_stop_is_reached() -> None:
-    assert caps_for(ahead_mm=601).forward_mm_s == CREEP_MM_S
+    assert caps_for(ahead_mm=601).forward_mm_s == CREEP_MM_S == 60.0
     assert caps_for(ahead_mm=600).forward_mm_s == 0.0
+    assert caps_for(ahead_mm=500).forward_mm_s == 0.0
 
 
 def test_with_a_poor_brake_even_the_creep_is_slower() -> None:
@@ -64,6 +65,7 @@ def test_with_a_poor_brake_even_the_creep_is_slower() -> None:
     creep = caps_for(poor, ahead_mm=601).forward_mm_s
     assert creep < CREEP_MM_S
     assert stopping_distance_mm(creep, 2.5, 100.0) == pytest.approx(CREEP_ROOM_MM)
+    assert CREEP_ROOM_MM == 100.0
 
 
 @given(st.integers(601, 5_000), st.integers(1, 2_000))
@@ -92,6 +94,23 @@ def test_far_away_there_is_nothing_to_say() -> None:
     assert caps_for(ahead_mm=5_000) == Caps()
 
 
+def test_there_is_something_to_say_from_where_the_chair_could_no_longer_go_at_its_own_limit() -> None:
+    assert LIMITS.caps.forward_mm_s - 1.0 < caps_for(ahead_mm=2_525).forward_mm_s < LIMITS.caps.forward_mm_s
+    assert caps_for(ahead_mm=2_526) == Caps()
+    assert LIMITS.caps.backward_mm_s - 2.0 < caps_for(behind_mm=973).backward_mm_s < LIMITS.caps.backward_mm_s
+    assert caps_for(behind_mm=975) == Caps()
+
+
+def test_each_way_is_told_with_its_own_distance() -> None:
+    facts = healthy(LIMITS, ranges={FRONT: readings(START_NS, ahead_mm=900, behind_mm=800)})
+    assert [vote.detail for vote in approach_speed(look(facts, driving(), LIMITS))] == ["900 mm ahead", "800 mm behind"]
+
+
+def test_somebody_closing_in_from_far_away_slows_the_chair_too_and_leaves_no_creep() -> None:
+    assert caps_for(ahead_mm=3_000, closing_mm_s=2_000).forward_mm_s < LIMITS.caps.forward_mm_s
+    assert 0.0 < caps_for(ahead_mm=670, closing_mm_s=1).forward_mm_s < CREEP_MM_S
+
+
 def test_behind_counts_for_backing_with_the_same_formula() -> None:
     limits = replace(LIMITS, caps=Caps(1_250.0, 1_250.0, 40.0, 40.0))
     assert caps_for(limits, behind_mm=1_000, ahead_mm=None).backward_mm_s == caps_for(ahead_mm=1_000).forward_mm_s
@@ -104,8 +123,17 @@ def test_a_chair_that_reports_to_be_too_fast_to_stop_in_time_is_stopped() -> Non
     assert caps_for(reported=800.0, ahead_mm=just_enough - 2).forward_mm_s == 0.0
 
 
+def test_a_chair_that_needs_exactly_the_room_is_not_too_fast() -> None:
+    assert stopping_distance_mm(600.0, 0.0, LIMITS.decel_mm_s2) == 300.0
+    assert caps_for(reported=600.0, ahead_mm=900).forward_mm_s > 0.0
+    assert caps_for(reported=600.0, ahead_mm=899).forward_mm_s == 0.0
+    assert caps_for(reported=61.0, ahead_mm=601).forward_mm_s == 0.0, "faster than the creep, and 1 mm of room"
+
+
 def test_a_chair_that_races_beyond_its_own_limit_is_stopped_from_farther_away() -> None:
     assert caps_for(reported=2_000.0, ahead_mm=3_500).forward_mm_s == 0.0
+    assert caps_for(reported=2_000.0, ahead_mm=3_933).forward_mm_s == 0.0
+    assert caps_for(reported=2_000.0, ahead_mm=3_934) == Caps()
 
 
 def test_backing_fast_does_not_close_the_way_ahead_and_the_other_way_round() -> None:

@@ -82,3 +82,23 @@ def test_more_room_never_lowers_and_a_faster_approach_never_raises_the_approach_
     assert speed <= approach_speed_mm_s(room + more, closing, reaction, decel) + 1e-9
     assert speed >= approach_speed_mm_s(room, closing + more, reaction, decel) - 1e-9
     assert 0.0 <= speed <= largest_speed_mm_s(room, reaction, decel) + 1e-9
+
+
+@given(SPEED, st.floats(0.0, 2_000.0), REACTION, DECEL)
+def test_the_approach_speed_uses_up_exactly_the_room(
+    speed: float, closing: float, reaction: float, decel: float
+) -> None:
+    own = stopping_distance_mm(speed, reaction, decel)
+    theirs = closing * (reaction + speed / decel)
+    late = decel * reaction**2 / 2.0
+    found = approach_speed_mm_s(own + theirs + late, closing, reaction, decel)
+    assert found == pytest.approx(speed, rel=1e-6)
+
+
+def test_figures_that_can_be_checked_by_hand() -> None:
+    assert stopping_distance_mm(600.0, 0.5, 600.0) == 600.0
+    assert largest_speed_mm_s(600.0, 0.5, 600.0) == pytest.approx(600.0)
+    assert largest_speed_mm_s(1.0, 0.5, 600.0) == pytest.approx(1.9934, abs=1e-4)
+    assert approach_speed_mm_s(1_275.0, 400.0, 0.5, 600.0) == pytest.approx(600.0)
+    assert approach_speed_mm_s(275.0, 400.0, 0.5, 600.0) == 0.0
+    assert decel_on_slope_mm_s2(1_000.0, 10.0) == pytest.approx(19.335)

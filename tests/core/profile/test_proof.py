@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
+from math import inf
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -10,7 +13,7 @@ from chairward.envelope import Caps
 from chairward.facts import Limits
 from chairward.profile import ProfileError
 from chairward.profile.models import PROTECTED_MM, LimitsTable, StoppingTable
-from chairward.profile.proof import allowed_mm_s, largest_mm_s, needed_mm, prove, reaction_s
+from chairward.profile.proof import Proof, allowed_mm_s, largest_mm_s, needed_mm, prove, reaction_s
 from chairward.stopping import decel_on_slope_mm_s2
 
 HERE = "chairs/x.toml: {}".format
@@ -160,3 +163,86 @@ def distance_when_the_guard_dies(distance: float, speed: float, watchdog: float,
 def test_a_chair_that_creeps_arrives_in_bounded_time() -> None:
     slow = LimitsTable(forward_mm_s=100, accel_mm_s2=50)
     assert prove(slow, StoppingTable(decel_mm_s2=100, closing_mm_s=0), 200, HERE).nearest_mm >= PROTECTED_MM
+
+
+@pytest.mark.parametrize(
+    ("limits", "stopping", "freshness_ms", "proof", "said"),
+    [
+        (
+            LimitsTable(),
+            StoppingTable(closing_mm_s=0),
+            200,
+            Proof(reaction_s=0.45, decel_mm_s2=600.0, needed_mm=433.33, room_mm=1_900.0, nearest_mm=520.46),
+            "stops in 433 of 1900 mm (reaction 450 ms, 600 mm/s²), never nearer than 520 mm",
+        ),
+        (
+            LimitsTable(forward_mm_s=900, crawl_mm_s=50),
+            StoppingTable(closing_mm_s=0, decel_mm_s2=900, sensor_error_mm=80, watchdog_ms=150),
+            150,
+            Proof(reaction_s=0.35, decel_mm_s2=900.0, needed_mm=765.0, room_mm=1_900.0, nearest_mm=497.49),
+            "stops in 765 of 1900 mm (reaction 350 ms, 900 mm/s²), never nearer than 497 mm",
+        ),
+        (
+            LimitsTable(forward_mm_s=300, accel_mm_s2=200),
+            StoppingTable(decel_mm_s2=700, slope_percent=4, watchdog_ms=0, closing_mm_s=100),
+            100,
+            Proof(reaction_s=0.15, decel_mm_s2=307.73, needed_mm=303.72, room_mm=1_900.0, nearest_mm=535.41),
+            "stops in 304 of 1900 mm (reaction 150 ms, 308 mm/s²), never nearer than 535 mm",
+        ),
+    ],
+)
+def test_the_figures_of_a_proof_do_not_change_unnoticed(
+    limits: LimitsTable, stopping: StoppingTable, freshness_ms: int, proof: Proof, said: str
+) -> None:
+    found = prove(limits, stopping, freshness_ms, HERE)
+    assert astuple(found) == pytest.approx(astuple(proof), abs=0.006)
+    assert str(found) == said
+
+
+@pytest.mark.parametrize(
+    ("limits", "stopping", "said"),
+    [
+        (
+            LimitsTable(),
+            StoppingTable(sensor_range_mm=1_200),
+            "forward_mm_s = 500: the chair needs 1460 mm to stop (reaction 450 ms, 600 mm/s² on the slope, somebody "
+            "coming at 800 mm/s), but from first sight at 1200 mm to stop_mm = 600 it has 600 mm: at most 127 fits",
+        ),
+        (
+            LimitsTable(crawl_mm_s=100, forward_mm_s=100),
+            StoppingTable(decel_mm_s2=600, slope_percent=5, watchdog_ms=500),
+            "crawl_mm_s = 100: driving at a wall the chair could come as near as 429 mm (reaction 750 ms, 110 mm/s², "
+            "readings wrong by 50 mm), allowed is 450: raise stop_mm to 621 or lower crawl_mm_s",
+        ),
+        (
+            LimitsTable(),
+            StoppingTable(sensor_error_mm=150),
+            "stop_mm = 600: driving at a wall the chair could come as near as 420 mm (reaction 450 ms, 600 mm/s², "
+            "readings wrong by 150 mm), allowed is 450: raise stop_mm to 630",
+        ),
+    ],
+)
+def test_a_refusal_says_in_one_sentence_what_was_found_and_what_to_do(
+    limits: LimitsTable, stopping: StoppingTable, said: str
+) -> None:
+    with pytest.raises(ProfileError) as caught:
+        prove(limits, stopping, 200, HERE)
+    assert str(caught.value) == f"chairs/x.toml: {said}"
+
+
+def test_what_fits_exactly_is_not_refused() -> None:
+    stopping = StoppingTable(closing_mm_s=0, decel_mm_s2=500, sensor_range_mm=1_075)
+    assert needed_mm(500.0, 0.45, 500.0, 0.0) == 475.0
+    assert prove(LimitsTable(), stopping, 200, HERE).room_mm == 475.0
+
+
+@pytest.mark.parametrize(("reading", "speed"), [(-5.0, 0.0), (600.4, 0.0), (600.6, 60.0), (1e9, inf)])
+def test_a_reading_is_what_a_sensor_can_say_whole_and_within_its_range(reading: float, speed: float) -> None:
+    inside = Limits(stop_mm=600, reaction_s=0.45, decel_mm_s2=600.0, caps=Caps(500.0, 0.0, 0.0, 0.0))
+    assert allowed_mm_s(reading, 0.0, inside) == speed
+
+
+def test_a_speed_that_the_chair_has_already_counts_in_what_it_is_allowed() -> None:
+    inside = Limits(stop_mm=600, reaction_s=0.45, decel_mm_s2=600.0, caps=Caps(500.0, 0.0, 0.0, 0.0))
+    assert allowed_mm_s(899.0, 600.0, inside) == 0.0, "300 mm are needed from 600 mm/s"
+    assert allowed_mm_s(900.0, 600.0, inside) > 0.0
