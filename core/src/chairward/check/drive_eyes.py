@@ -46,7 +46,7 @@ class Instruments:
     scale: how fast the wheels really go, None when that is not known.
     """
 
-    silences = 5
+    silences = 3
 
     def __init__(
         self, method: str, full: Motion, look: Callable[[], Motion], scale: Callable[[], Motion] | None
