@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from chairward.components import Component, Context
+from chairward.check.hand import CheckHand
+from chairward.components import Component, Context, NoSettings
 from chairward.hookspecs import hookimpl
+from chairward.messages import Alive, Intent, Press
 from chairward.recording import Recorder, RecorderSettings
 
 if TYPE_CHECKING:
@@ -17,6 +19,24 @@ CHAIRWARD_API = 1
 
 def _recorder(settings: RecorderSettings, context: Context) -> Recorder:
     return Recorder(settings, context)
+
+
+def _hand(settings: NoSettings, context: Context) -> CheckHand:
+    return CheckHand(settings, context)
+
+
+@hookimpl
+def chairward_sources() -> Sequence[Component]:
+    """The hand of `chairward check`."""
+    return [
+        Component(
+            name="check_hand",
+            settings=NoSettings,
+            make=_hand,
+            gives=(Press, Intent, Alive),
+            summary="the hand of chairward check; lifeless without it",
+        )
+    ]
 
 
 @hookimpl

@@ -87,6 +87,13 @@ def examine(registry: Registry, chair: str | None, person: str | None, root: Pat
         yield from _side_by_side(tasks(registry, plan), plan, root, Path(folder))
 
 
+def look_at(registry: Registry, plan: Plan, places: Sequence[str], root: Path = Path("/")) -> list[Finding]:
+    """The findings at some places only: "machine", a lane's name, "drive"."""
+    mine = [task for task in tasks(registry, plan) if task.place in places]
+    with tempfile.TemporaryDirectory(prefix="chairward-doctor-") as folder:
+        return list(_side_by_side(mine, plan, root, Path(folder)))
+
+
 def tasks(registry: Registry, plan: Plan | None) -> list[Task]:
     """Every check that applies, in order: the machine, the lanes with their stages, the drive."""
     offered = [(plugin, check) for plugin, checks in offers(registry) for check in checks]

@@ -6,6 +6,7 @@ footprint, speeds mm/s and deg/s. Defaults are the shipped, careful ones (0.5 m/
 
 from __future__ import annotations
 
+from datetime import date
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -144,6 +145,11 @@ class StoppingTable(Strict):
     sensor_error_mm: int = Field(
         default=50, ge=0, le=150, description="a reading near stop_mm is wrong by at most this"
     )
+    reaction_ms: int = Field(
+        default=0, ge=0, le=5000, description="longest time from glass to wire, by check timing; 0: not measured"
+    )
+    reaction_measured: date | None = Field(default=None, description="when that was; check timing writes it")
+    reaction_method: Text = Field(default="", description="and how")
 
 
 class LaneTable(Strict):

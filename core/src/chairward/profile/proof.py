@@ -52,8 +52,12 @@ class Proof:
 
 
 def reaction_s(freshness_ms: int, stopping: StoppingTable) -> float:
-    """From light on the sensor to torque at the wheel when everything is as late as it may be."""
-    return (freshness_ms + stopping.sensing_ms + stopping.tick_ms + stopping.wire_ms + stopping.watchdog_ms) / 1000.0
+    """From light on the sensor to torque at the wheel when everything is as late as it may be.
+
+    Up to the wire that is what the limits allow, or what was measured, if that was longer.
+    """
+    to_wire_ms = max(freshness_ms + stopping.sensing_ms + stopping.tick_ms, stopping.reaction_ms)
+    return (to_wire_ms + stopping.wire_ms + stopping.watchdog_ms) / 1000.0
 
 
 def needed_mm(speed_mm_s: float, reaction: float, decel_mm_s2: float, closing_mm_s: float) -> float:

@@ -79,6 +79,8 @@ def _lines(model: type[LimitsTable | StoppingTable], values: LimitsTable | Stopp
         if marked and mark is None:
             continue
         value = to_jsonable_python(getattr(values, key))
+        if value in (None, ""):
+            continue
         shown = "[" + ", ".join(f'"{v}"' for v in sorted(value)) + "]" if isinstance(value, list) else value
         moves = f" ({mark.value} this)" if marked and mark in (Safer.HIGHER, Safer.LOWER, Safer.SUBSET) else ""
         lines.append(f"# {key} = {shown}".ljust(34) + f"  # {field.description}{moves}\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from math import cos, radians, sin
 from typing import TYPE_CHECKING
 
 from chairward.components import Context, DeviceLost
@@ -11,9 +12,12 @@ from chairward.stages import StereoFrame
 from chairward_simulator.settings import CameraSettings
 
 if TYPE_CHECKING:
+    from chairward_simulator.render import Array
     from chairward_simulator.scene import StereoCamera
 
 WORLD_WAIT_S = 5.0
+STIMULUS = "stimulus"
+"""In run_dir: what `chairward check` wants to be seen, and since when."""
 CAMERAS_ON = "sim_cameras-on"
 """Made in run_dir when the cameras work: the light on them that the simulated person waits for."""
 
@@ -25,6 +29,7 @@ class SimCameras:
         self._settings, self._context = settings, context
         self._camera: StereoCamera | None = None
         self._world: SharedState | None = None
+        self._shown: SharedState | None = None
         self._due_ns = 0
         self._seq = 0
 
@@ -70,6 +75,7 @@ class SimCameras:
             if state["person_here"]
             else []
         )
+        people += self._stimulus(state)
         left, right = self._camera.pair(state["x_mm"], state["y_mm"], state["heading_deg"], people)
         self._seq += 1
         return StereoFrame(
@@ -80,11 +86,33 @@ class SimCameras:
             geometry=self._camera.geometry,
         )
 
+    def _stimulus(self, state: dict[str, float]) -> list[Array]:
+        """What `chairward check` lets appear ahead of the footprint: somebody who stands there."""
+        from chairward_simulator.home import PERSON_RADIUS_MM
+        from chairward_simulator.scene import person_cylinders
+
+        assert self._camera is not None
+        path = self._context.run_dir / STIMULUS
+        if self._shown is None:
+            if not path.exists():
+                return []
+            self._shown = SharedState.attach(path)
+        shown = self._shown.read()
+        if not shown["on"]:
+            return []
+        ahead_mm = self._context.footprint.front_mm + shown["distance_mm"] + PERSON_RADIUS_MM
+        heading = radians(state["heading_deg"])
+        at = state["x_mm"] + ahead_mm * cos(heading), state["y_mm"] + ahead_mm * sin(heading)
+        return [person_cylinders(self._camera.scene, *at, state["heading_deg"] + 180.0, 0.0)]
+
     def close(self) -> None:
         """Let go of the world."""
         if self._world is not None:
             self._world.close()
             self._world = None
+        if self._shown is not None:
+            self._shown.close()
+            self._shown = None
 
 
 def attach(context: Context, who: str) -> SharedState:

@@ -46,6 +46,7 @@ class World:
     law: BodyLaw = field(default_factory=BodyLaw)
     speaks: bool = True
     duration_s: Callable[[str, int], float] = speech.duration_s
+    wheels_off: bool = False
     now_s: float = 0.0
     body: Body = field(init=False)
     walker: Walker | None = field(init=False)
@@ -76,6 +77,8 @@ class World:
         self.now_s += dt_s
         people = self.people()
         moved = self.body.step(pins, dt_s, self.law)
+        if self.wheels_off:
+            moved = replace(moved, x_mm=self.body.x_mm, y_mm=self.body.y_mm, heading_deg=self.body.heading_deg)
         if self._count % BUMP_EVERY == 0:
             bump = self.truth.touches(moved, people)
             self.truth.bumped(bump, moved)
@@ -142,7 +145,7 @@ class SimHome:
             steer=replace(usual.steer, full=s.full_turn_deg_s),
             slope_percent=s.slope_percent,
         )
-        world = World(load(path), self._context.footprint, law, s.speaks)
+        world = World(load(path), self._context.footprint, law, s.speaks, wheels_off=s.wheels_off)
         for word in speech.WORDS:  # read all recordings before time starts
             for n in range(8):
                 speech.duration_s(word, n)
