@@ -24,7 +24,8 @@ PREFIX = re.compile(r"^\s*(?:\./run chairward|chairward) (?P<rest>\S.*)$")
 
 ELSEWHERE = {
     "plugins grade": "tests/end_to_end/test_third_party.py",
-    "check drive": "tests/core/check/test_check_drive_cli.py",
+    "check drive": "tests/core/check",
+    "profile new": "tests/core/profile/test_profile_cli.py",
     "run --chair files": "tests/end_to_end/test_recorded_input.py",
     "run --chair screen": "tests/plugins/dashboard/test_dashboard_chair.py",
     "run --chair prototype": "tests/end_to_end/test_sentences.py",
