@@ -1,0 +1,207 @@
+"""The acceptance run and the measured reaction: on the simulated chair by themselves, and what they write."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tomllib
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from datetime import date
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from chairward import profile
+from chairward.check.acceptance import Result
+from chairward.check.hand import CheckHand, hand
+from chairward.check.report import Head, html
+from chairward.check.timing import Timing, write
+from chairward.check.trial import HAND, SOURCE, on_trial
+from chairward.cli.app import app
+from chairward.components import Context, DeviceLost, NoSettings
+from chairward.messages import Alive, Button, Command, Intent, Press
+from chairward.plan import Plan
+from chairward.plugins import discover
+from chairward.profile import ProfileError
+
+ROOT = Path(__file__).resolve().parents[3]
+FOUND = Timing((61.0, 92.4, 70.0), "3 times, an obstacle", date(2026, 11, 22))
+
+
+@pytest.fixture
+def profiles(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the shipped profiles, which may be written to."""
+    folder = tmp_path / "profiles"
+    shutil.copytree(ROOT / "profiles", folder)
+    words = ROOT / "plugins" / "simulator" / "src" / "chairward_simulator" / "words" / "templates"
+    sim = folder / "chairs" / "sim.toml"
+    sim.write_text(
+        sim.read_text().replace("../../plugins/simulator/src/chairward_simulator/words/templates", str(words))
+    )
+    monkeypatch.setenv("CHAIRWARD_PROFILES", str(folder))
+    return folder
+
+
+def sim() -> Plan:
+    return profile.load("sim", None, [], discover())
+
+
+@pytest.mark.processes
+@pytest.mark.timeout(300)
+def test_the_simulated_chair_is_tried_by_itself_and_the_report_says_what_was_found(tmp_path: Path) -> None:
+    report = tmp_path / "acceptance.html"
+    wanted = ["not armed", "sign: front", "obstacle at 500", "stop device", "unplugged", "killed: lane panel"]
+    only = [part for name in [*wanted, "reaction", "killed: guard"] for part in ("--only", name)]
+    arguments = ["check", "chair", "--chair", "sim", "--times", "2", "--at-mm", "500", *only]
+    result = CliRunner().invoke(app, [*arguments, "--report", str(report), "--by", "R. Tester", "--json"])
+    said = json.loads(result.stdout[result.stdout.index("{") :])
+    found = {step["step"]: step for step in said["steps"]}
+    must = ("not armed", "sign: front", "killed: guard")  # the others are timed, and a busy machine may be late
+    assert [found[name] for name in must if not found[name]["ok"]] == []
+    assert len(found) == 8
+    assert said["passed"] == all(step["ok"] for step in found.values())
+    assert result.exit_code == (0 if said["passed"] else 1)
+    page = Page(report.read_text(encoding="utf-8"))
+    assert page.text.count("pass") + page.text.count("FAIL") >= 8
+    assert "R. Tester" in page.text
+    assert page.pictures >= 1, "what the camera saw of the obstacle"
+    assert page.charts == 8
+
+
+@pytest.mark.processes
+@pytest.mark.timeout(300)
+def test_the_reaction_is_measured_and_written_and_the_comments_stay(profiles: Path) -> None:
+    path = profiles / "chairs" / "sim.toml"
+    result = CliRunner().invoke(app, ["check", "timing", "--chair", "sim", "--times", "3", "--json"])
+    assert result.exit_code in (0, 1), result.output
+    written = path.read_text(encoding="utf-8")
+    stopping = tomllib.loads(written)["stopping"]
+    assert stopping["reaction_ms"] > 0
+    assert stopping["reaction_method"].startswith("3 times")
+    assert abs((date.today() - stopping["reaction_measured"]).days) <= 1
+    assert "# what the proof of distances rests on" in written
+    assert "# the person who crosses" in written
+
+
+class Page(HTMLParser):
+    """What a reader sees: text, pictures, charts; and that the page is well made."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.text, self.pictures, self.charts, self._open = "", 0, 0, list[str]()
+        self.feed(page)
+        assert self._open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.charts += tag == "svg"
+        if tag == "img":
+            assert str(dict(attrs)["src"]).startswith("data:image/png;base64,")
+            assert dict(attrs)["alt"]
+            self.pictures += 1
+        if tag not in ("img", "meta"):
+            self._open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        del tag, attrs
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def test_a_failed_step_is_in_the_headline_and_nothing_in_it_is_markup() -> None:
+    results = [
+        Result("sign: front", True, "front", "front", [(0.0, 0.0), (1.0, 300.0)]),
+        Result("cap: <b>", False, "512 mm/s & more", "at most 500 mm/s"),
+    ]
+    page = Page(html(sim(), results, FOUND, Head("2026-11-22", "", ["chairward 1"])))
+    assert "NOT passed: 1 of 2 steps failed" in page.text
+    assert "cap: <b>" in page.text
+    assert "93 ms at most" in page.text
+    assert "SHA-256" in page.text
+
+
+def test_a_chart_of_a_step_can_be_read_as_xml() -> None:
+    page = html(sim(), [Result("x", True, "", "", [(0.0, 1.0), (2.0, 3.0)])], None, Head("", "", []))
+    ET.fromstring(page[page.index("<svg") : page.index("</svg>") + 6])
+
+
+def test_a_measured_reaction_is_written_with_date_and_method_and_comments_stay(profiles: Path) -> None:
+    path = profiles / "chairs" / "sim.toml"
+    before = path.read_text()
+    write(path, FOUND)
+    after = path.read_text()
+    stopping = tomllib.loads(after)["stopping"]
+    assert stopping["reaction_ms"] == 93
+    assert stopping["reaction_measured"] == date(2026, 11, 22)
+    assert stopping["reaction_method"] == "3 times, an obstacle"
+    assert [line for line in before.splitlines() if line not in after.splitlines()] == []
+    write(path, replace(FOUND, reactions_ms=(50.0,)))
+    assert tomllib.loads(path.read_text())["stopping"]["reaction_ms"] == 50
+
+
+@pytest.mark.parametrize(("ms", "reaction_s"), [(0, 0.45), (93, 0.45), (246, 0.45), (300, 0.504)])
+def test_the_proof_reckons_with_a_reaction_that_was_longer_than_the_limits_allow(
+    profiles: Path, ms: int, reaction_s: float
+) -> None:
+    path = profiles / "chairs" / "sim.toml"
+    path.write_text(path.read_text().replace("[stopping]", f"[stopping]\nreaction_ms = {ms}", 1))
+    plan = profile.load("sim", None, [], discover())
+    assert plan.limits.reaction_s == pytest.approx(reaction_s)
+
+
+def test_a_reaction_that_is_too_long_for_the_speed_is_refused_with_the_speed_that_fits(profiles: Path) -> None:
+    path = profiles / "chairs" / "sim.toml"
+    path.write_text(path.read_text().replace("[stopping]", "[stopping]\nreaction_ms = 900", 1))
+    with pytest.raises(ProfileError, match=r"limits.forward_mm_s = 500: .* at most \d+ fits"):
+        profile.load("sim", None, [], discover())
+
+
+def test_the_hand_is_one_more_stop_device_and_the_chair_s_own_votes_stay() -> None:
+    plan, tried = sim(), on_trial(sim())
+    name = f"{HAND}/{SOURCE}"
+    assert tried.lanes[:-1] == plan.lanes
+    assert set(tried.limits.stop_devices) == {*plan.limits.stop_devices, name}
+    assert set(tried.limits.recognizers) == {*plan.limits.recognizers, name}
+    assert tried.limits.sensors == plan.limits.sensors
+    assert replace(tried.limits, stop_devices={}, recognizers={}) == replace(
+        plan.limits, stop_devices={}, recognizers={}
+    )
+
+
+def test_a_hand_says_what_it_holds_and_presses_and_is_lifeless_without_its_check(tmp_path: Path) -> None:
+    source = CheckHand(NoSettings(), Context(lane="check", run_dir=tmp_path, chair_dir=tmp_path))
+    with hand(tmp_path) as it:
+        source.open()
+        it.beat()
+        it.hold(Command.LEFT)
+        it.press(Button.ARM)
+        said = source.read(1.0) or []
+        assert [type(message) for message in said] == [Press, Alive, Intent]
+        assert [m.button for m in said if isinstance(m, Press)] == [Button.ARM]
+        assert [(m.command, m.held) for m in said if isinstance(m, Intent)] == [(Command.LEFT, True)]
+        it.hold(None)
+    silent = [source.read(0.1) for _ in range(8)]
+    assert silent[-1] is None, "the check has left, and the hand lets go"
+    source.close()
+    source.close()
+
+
+def test_a_hand_without_a_check_is_a_lost_device(tmp_path: Path) -> None:
+    source = CheckHand(NoSettings(), Context(lane="check", run_dir=tmp_path, chair_dir=tmp_path))
+    with pytest.raises(DeviceLost, match="no check is running"):
+        source.open()
+
+
+def test_a_robot_is_not_moved_without_a_word(profiles: Path) -> None:
+    path = profiles / "chairs" / "prototype.toml"
+    table = "[drive.pic_serial]\nsilence_stop_ms = 180\nsilence_stop_measured = 2026-01-01"
+    path.write_text(path.read_text().replace("[drive.pic_serial]", table))
+    result = CliRunner().invoke(app, ["check", "chair", "--chair", "prototype"])
+    assert result.exit_code == 2
+    assert "say --yes once they are off the ground" in result.output
