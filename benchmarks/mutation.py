@@ -32,6 +32,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from difflib import unified_diff
 from hashlib import sha256
 from inspect import unwrap
 from itertools import zip_longest
@@ -158,9 +159,9 @@ def constants_of(tree: ast.Module) -> dict[int, tuple[str, ...]]:
 
 
 def changed(text: str, other: str) -> str:
-    """The lines of a text that differ from the other's, which has as many."""
-    pairs = zip(text.splitlines(), other.splitlines(), strict=True)
-    return " ".join(line.strip() for line, counterpart in pairs if line != counterpart)
+    """The lines of a text that are not in the other."""
+    difference = list(unified_diff(text.splitlines(), other.splitlines(), n=0))
+    return " ".join(line[1:].strip() for line in difference[2:] if line.startswith("-"))
 
 
 # ---- trying them ----------------------------------------------------------------------------------------------------

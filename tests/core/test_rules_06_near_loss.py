@@ -187,3 +187,68 @@ def test_turning_counts_only_as_far_as_command_and_report_agree(
     facts = healthy(limits)
     facts = replace(facts, drive=msgspec.structs.replace(facts.drive, turn_deg_s=reported))
     assert remember(look(facts, state, limits), 0.02)[FRONT].turned_deg == pytest.approx(turned)
+
+
+# ---- the limits, to the millimetre ----------------------------------------------------------------------------------
+LIMITS = chair_limits()
+FAR = readings(START_NS)
+OLDEST_NS = FAR[0].captured_ns
+
+
+def after(near: Near, *, window: tuple[RangeReading, ...] = FAR, output: Motion = STILL) -> Near | None:
+    """What is remembered a tick later by a chair that remembered this."""
+    state = driving(near={FRONT: near}, output=output)
+    return remember(look(healthy(LIMITS, ranges={FRONT: window}), state, LIMITS), 0.02).get(FRONT)
+
+
+def at(*distances: int | None) -> tuple[RangeReading, ...]:
+    return tuple(msgspec.structs.replace(reading, ahead_mm=mm) for reading, mm in zip(FAR, distances, strict=True))
+
+
+@pytest.mark.parametrize(("since_ms", "farthest"), [(0, 850), (33, 916), (1_000, 2_850), (-40, 850)])
+def test_what_recedes_comes_no_farther_than_somebody_walks_in_the_time_between(since_ms: int, farthest: int) -> None:
+    near = Near(distance_mm=700, seen_ns=OLDEST_NS - since_ms * MS)
+    assert after(near, window=at(farthest, farthest, farthest)) is None
+    assert after(near, window=at(farthest + 1, 4_000, 4_000)) == replace(near, gone=True)
+    assert after(near, window=at(None, 4_000, 4_000)) == replace(near, gone=True)
+
+
+def test_what_has_vanished_does_not_recede_any_more() -> None:
+    gone = Near(distance_mm=700, seen_ns=OLDEST_NS - 33 * MS, gone=True)
+    assert after(gone, window=at(900, 900, 900)) == gone
+
+
+@pytest.mark.parametrize(("backed", "lifted"), [(198.0, True), (197.9, False)])
+def test_two_hundred_millimetres_back_lift_it_and_no_less(backed: float, lifted: bool) -> None:
+    gone = Near(distance_mm=700, seen_ns=1, backed_mm=backed, gone=True)
+    assert (after(gone, output=Motion(-100.0, 0.0)) is None) == lifted
+
+
+@pytest.mark.parametrize(("turned", "lifted"), [(0.4, True), (0.39, False)])
+def test_half_a_degree_of_turning_lifts_it_and_no_less(turned: float, lifted: bool) -> None:
+    gone = Near(distance_mm=700, seen_ns=1, turned_deg=turned, gone=True)
+    assert (after(gone, output=Motion(0.0, -5.0)) is None) == lifted
+
+
+def test_near_begins_at_near_loss_mm() -> None:
+    assert remember(look(healthy(LIMITS, ranges={FRONT: at(800, 800, 800)}), driving(), LIMITS), 0.02) == {
+        FRONT: Near(distance_mm=800, seen_ns=FAR[2].captured_ns)
+    }
+
+
+def test_what_the_chair_has_done_counts_from_the_newest_near_reading() -> None:
+    old = Near(distance_mm=650, seen_ns=1, backed_mm=50.0, turned_deg=0.1, gone=True)
+    moving = Motion(-100.0, 5.0)
+    for newest in (801, None):
+        kept = after(old, window=at(700, 700, newest), output=moving)
+        assert kept == Near(distance_mm=700, seen_ns=FAR[1].captured_ns, backed_mm=52.0, turned_deg=0.2)
+    for newest in (800, 700, 0):
+        fresh = after(old, window=at(790, 790, newest), output=moving)
+        assert fresh == Near(distance_mm=min(790, newest), seen_ns=FAR[2 if newest < 790 else 1].captured_ns)
+
+
+def test_a_sensor_sees_only_for_itself() -> None:
+    kept = remember(
+        look(healthy(LIMITS, ranges={FRONT: FAR}), driving(near={"x/y": Near(distance_mm=1, seen_ns=1)}), LIMITS), 0.02
+    )
+    assert kept == {"x/y": Near(distance_mm=1, seen_ns=1)}

@@ -101,4 +101,5 @@ def test_figures_that_can_be_checked_by_hand() -> None:
     assert largest_speed_mm_s(1.0, 0.5, 600.0) == pytest.approx(1.9934, abs=1e-4)
     assert approach_speed_mm_s(1_275.0, 400.0, 0.5, 600.0) == pytest.approx(600.0)
     assert approach_speed_mm_s(275.0, 400.0, 0.5, 600.0) == 0.0
+    assert largest_speed_mm_s(-0.5, 0.0, 600.0) == 0.0
     assert decel_on_slope_mm_s2(1_000.0, 10.0) == pytest.approx(19.335)
