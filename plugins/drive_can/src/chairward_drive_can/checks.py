@@ -83,9 +83,10 @@ def traffic(site: Site) -> Iterator[Finding]:
     settings = _settings(site)
     if _simulated(site):
         return
+    broken: tuple[type[Exception], ...] = (DriveError, *bus_errors())
     try:
         heard = listen(settings)
-    except (DriveError, *bus_errors()) as error:
+    except broken as error:
         yield _wrong(f"{settings.channel} cannot be opened: {error}", "put that right, and close other programs on it")
         return
     if not heard:

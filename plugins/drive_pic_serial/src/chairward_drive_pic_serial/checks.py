@@ -21,11 +21,11 @@ LOW_BATTERY = 0.15
 
 @dataclass(slots=True)
 class Heard:
-    """What came from a port."""
+    """What came from a port; count: of bytes."""
 
     hello: wire.Hello | None = None
     status: wire.Status | None = None
-    bytes: int = 0
+    taken: int = 0
     broken: int = 0
     unknown: list[bytes] = field(default_factory=list)
 
@@ -60,7 +60,7 @@ def ask(port_name: str) -> Heard:
                 port.write(wire.ask(wire.Ask.BRAKE, seq + 100, 1))
             select.select([port.fd], [], [], 0.02)
             data = port.read()
-            heard.bytes += len(data)
+            heard.taken += len(data)
             for payload in splitter.feed(data):
                 match wire.answer(payload):
                     case wire.Hello() as hello:
@@ -80,7 +80,7 @@ def ask(port_name: str) -> Heard:
 def judge(port: str, heard: Heard, settings: PicSerialSettings) -> Iterator[Finding]:
     """What is wrong with what was heard."""
     if heard.hello is None:
-        if heard.bytes == 0:
+        if heard.taken == 0:
             yield _wrong(f"nobody answers at {port}", "switch the controller on, and check that TX and RX are crossed")
         elif heard.unknown:
             yield _wrong(
@@ -88,7 +88,7 @@ def judge(port: str, heard: Heard, settings: PicSerialSettings) -> Iterator[Find
             )
         else:
             yield _wrong(
-                f"what answers at {port} cannot be understood ({heard.bytes} bytes)",
+                f"what answers at {port} cannot be understood ({heard.taken} bytes)",
                 f"set both ends to {wire.BAUD} baud 8N1, and check that this is the PIC's port (chairward pic find)",
             )
         return

@@ -8,9 +8,10 @@ from datetime import date
 from math import hypot
 
 import numpy as np
+from numpy.typing import NDArray
 
 from chairward.doctor import Check, Finding, Site
-from chairward.stages import Image, StereoFrame
+from chairward.stages import Floats, Image, StereoFrame
 from chairward_stereo_range.calibration_file import Calibration, CalibrationError, Rectifier, load
 from chairward_stereo_range.settings import StereoRangeSettings
 
@@ -103,13 +104,21 @@ def rows_apart(left: Image, right: Image) -> float | None:
     corners = cv2.goodFeaturesToTrack(a, 200, 0.01, 8)
     if corners is None or len(corners) < 15:
         return None
-    there, found, _ = cv2.calcOpticalFlowPyrLK(a, b, corners, None, winSize=(15, 15), maxLevel=4)
-    back, again, _ = cv2.calcOpticalFlowPyrLK(b, a, there, None, winSize=(15, 15), maxLevel=4)
+    there, found, _ = cv2.calcOpticalFlowPyrLK(a, b, corners, np.zeros_like(corners), winSize=(15, 15), maxLevel=4)
+    back, again, _ = cv2.calcOpticalFlowPyrLK(b, a, there, np.zeros_like(corners), winSize=(15, 15), maxLevel=4)
     sure = (found.ravel() == 1) & (again.ravel() == 1)
     sure &= np.abs(back - corners).reshape(-1, 2).max(axis=1) < 0.7
     if int(sure.sum()) < 15:
         return None
-    return float(np.median(np.abs((there - corners).reshape(-1, 2)[sure, 1])))
+    return float(np.median(np.abs((there - here).reshape(-1, 2)[sure, 1])))
+
+
+def _follow(a: Image, b: Image, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Where points of one picture are in the other, and whether they were found (Lucas and Kanade)."""
+    import cv2
+
+    there, found, _ = cv2.calcOpticalFlowPyrLK(a, b, points, points.copy(), winSize=(15, 15), maxLevel=4)
+    return np.asarray(there, np.float32), np.asarray(found).ravel() == 1
 
 
 def _settings(site: Site) -> StereoRangeSettings:
