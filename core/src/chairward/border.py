@@ -13,7 +13,7 @@ from typing import TypeVar
 
 import msgspec
 
-from chairward.facts import MS, Facts, Limits, Pressed, Wish
+from chairward.facts import MS, Facts, Limits, Pressed, S, Wish
 from chairward.messages import (
     Alive,
     Button,
@@ -36,6 +36,8 @@ from chairward.wire import MAX_MESSAGE_BYTES, decode_parcel
 
 TOO_LATE_NS = 1_000 * MS
 """A word or press older than this when it arrives (its process hung) is not obeyed; STOP and HELP always are."""
+CONFIRM_WITHIN_NS = 5_000 * MS
+"""A spoken RESET that is not confirmed by a second word within this is forgotten."""
 HEARD_LIMIT = 16
 """Wishes and presses kept between two decisions; of more, a stop is never the one dropped."""
 
@@ -63,6 +65,7 @@ class Border:
     _heard: list[Wish] = field(default_factory=list)
     _pressed: list[Pressed] = field(default_factory=list)
     _refused: dict[str, str] = field(default_factory=dict)
+    _asked_ns: dict[str, int] = field(default_factory=dict)
     _wishes: int = 0
 
     def take(self, lane: str, data: bytes, now_ns: int) -> None:
@@ -127,11 +130,31 @@ class Border:
                 raise Refusal(f"said {age_ns / MS:.0f} ms ago: too late to be obeyed")
             if not isinstance(report, Press) and source not in self.limits.recognizers:
                 raise Refusal("may not ask for motion: it is not a recognizer of the chair file")
+        if isinstance(report, Intent) and report.command in (Command.RESET, Command.CONFIRM):
+            self._check_spoken_reset(plan, source, report, now_ns)
         if isinstance(report, Press) and report.button not in plan.may:
             raise Refusal(
                 f"may not press {report.button.upper()}: lane.{plan.name}.may in the chair file leaves it out"
             )
         self._last_seq[source] = report.seq
+
+    def _check_spoken_reset(self, plan: LanePlan, source: str, word: Intent, now_ns: int) -> None:
+        """RESET by word takes two words, in this order, from a lane that may press RESET; a held switch is no word."""
+        if Button.RESET not in plan.may or word.held:
+            raise Refusal(f"may not reset by word: lane.{plan.name}.may in the chair file leaves 'reset' out")
+        asked_ns = self._asked_ns.get(source)
+        if word.command is Command.CONFIRM and (asked_ns is None or now_ns - asked_ns > CONFIRM_WITHIN_NS):
+            raise Refusal(f"nothing to confirm: say the word for 'reset' at most {CONFIRM_WITHIN_NS // S} s before")
+
+    def _spoken_reset(self, plan: LanePlan, source: str, command: Command, now_ns: int) -> None:
+        """RESET is remembered; CONFIRM after it presses RESET, and ARM where the lane may. Any other word undoes it."""
+        asked = self._asked_ns.pop(source, None) is not None
+        if command is Command.RESET:
+            self._asked_ns[source] = now_ns
+        elif command is Command.CONFIRM and asked:
+            for button in (Button.RESET, Button.ARM):
+                if button in plan.may:
+                    self._pressed.append(Pressed(source=source, button=button, at_ns=now_ns))
 
     def _fold(self, lane: str, source: str, report: Report, now_ns: int) -> None:
         match report:
@@ -143,6 +166,7 @@ class Border:
             case Alive():
                 self._alive[source] = _not_later_than(report, now_ns)
             case Intent():
+                self._spoken_reset(self.lanes[lane], source, report.command, now_ns)
                 at_ns = min(report.captured_ns, now_ns) if report.held else now_ns
                 self._wish(source, at_ns, report.command, report.word, report.confidence, report.held)
             case Stick():

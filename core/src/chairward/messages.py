@@ -33,7 +33,11 @@ class Way(StrEnum):
 
 
 class Command(StrEnum):
-    """What a person can ask for: the six of the thesis, and a call for help that always works."""
+    """What a person can ask for: the six of the thesis, and a call for help that always works.
+
+    RESET and CONFIRM are the buttons RESET and ARM for somebody who cannot press any: two words, one after the other,
+    from a lane that the chair file entitles to them (`may`).
+    """
 
     FRONT = "front"
     BACK = "back"
@@ -42,6 +46,8 @@ class Command(StrEnum):
     REVERSE = "reverse"
     STOP = "stop"
     HELP = "help"
+    RESET = "reset"
+    CONFIRM = "confirm"
 
 
 class Button(StrEnum):

@@ -14,6 +14,8 @@ from chairward.messages import Button, Command
 
 TURNS = (Command.LEFT, Command.RIGHT)
 AT_REST = (0.0, 0.0)
+NO_MOTION = (Command.HELP, Command.RESET, Command.CONFIRM)
+"""Heard and told, never a wish; what RESET and CONFIRM press is the border's matter."""
 
 
 def travel(state: State, facts: Facts, limits: Limits, dt_s: float) -> State:
@@ -55,7 +57,9 @@ def listen(state: State, facts: Facts, limits: Limits) -> tuple[State, tuple[str
         return replace(state, wish=None, base=None), ()
     notes = []
     for wish in facts.heard:
-        if wish.command is Command.HELP:
+        if wish.command is Command.RESET:
+            notes.append(f"{wish.source}: '{wish.word}' heard: confirm it to reset")
+        if wish.command in NO_MOTION:
             continue
         if lacks := lacking(wish, limits):
             notes.append(f"{wish.source}: '{lacks}' is not one of this person's commands")

@@ -90,7 +90,8 @@ def _lines(model: type[LimitsTable | StoppingTable], values: LimitsTable | Stopp
 def new_person(name: str, chair: Chair) -> str:
     """A person file for a chair: valid as it stands, with every limit that may be set in a comment."""
     drive = f'drive = "{next(iter(chair.drive))}"'.ljust(36) + f"# offered: {', '.join(chair.drive)}\n"
-    words = "".join(f'{command} = "{command}"\n' for command in Command if command in chair.limits.commands)
+    usual = chair.limits.commands - {Command.RESET, Command.CONFIRM}
+    words = "".join(f'{command} = "{command}"\n' for command in Command if command in usual)
     limits = _lines(LimitsTable, chair.limits, marked=True)
     return PERSON.format(name=name, chair=chair.name, drive=drive, words=words, limits=limits)
 

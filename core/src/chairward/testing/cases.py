@@ -16,7 +16,7 @@ from chairward.components import STILL, Motion
 from chairward.facts import MS, NOT_ARMED, Facts, Limits, Near, Pressed, S, SourceLimits, State, Wish
 from chairward.messages import Alive, Button, Command, DriveStatus, RangeReading, Veto, Way
 from chairward.testing.ride import PANEL, START_NS, VOICE
-from chairward.wishes import AT_REST
+from chairward.wishes import AT_REST, NO_MOTION
 
 SENSORS = ("front/stereo", "front/colour", "rear/sonar")
 TILT = "body/tilt"
@@ -124,7 +124,7 @@ def some_state(rng: Random, limits: Limits, now_ns: int) -> State:
     latch = rng.choice(("",) * 10 + (NOT_ARMED, "a fault"))
     wish = some_wish(rng, now_ns)
     wish = replace(wish, at_ns=now_ns - rng.choice((20, 60, 100, 240, 251 if wish.held else 7_900, 8_001)) * MS)
-    if latch or wish.command in (Command.STOP, Command.HELP) or wish.stick == AT_REST or rng.random() < 0.1:
+    if latch or wish.command in (Command.STOP, *NO_MOTION) or wish.stick == AT_REST or rng.random() < 0.1:
         return State(latch=latch, needs_reset=latch == "a fault", output_ns=now_ns - 20 * MS)
     arc = wish.command in (Command.LEFT, Command.RIGHT) and not wish.held and rng.random() < 0.5
     step = wish.command is not Command.FRONT and wish.stick is None
