@@ -14,8 +14,8 @@ from chairward.envelope import Caps, Envelope, Grip, binding, fit, meet
 from chairward.facts import NOT_ARMED, Decision, Facts, Instruction, Limits, S, State, Why
 from chairward.memory import remember
 from chairward.messages import Button, Command
-from chairward.rules import RULES, freer_side
-from chairward.scene import WAYS, Scene, look
+from chairward.rules import RULES, freer_side, lease
+from chairward.scene import WAYS, Scene, look, reported
 from chairward.wishes import lease_left_s, listen, motion_of, travel, wants_forward
 
 FORWARD = Motion(1.0, 0.0)
@@ -37,12 +37,12 @@ def decide(state: State, facts: Facts, limits: Limits) -> tuple[State, Decision]
         scene = scene._replace(state=state)
 
     votes = [vote for rule in RULES for vote in rule(scene)]
-    caps = meet([vote for vote in votes if vote.rule != "lease"])
+    caps = meet(votes)
     wanted = motion_of(state, limits)
     target = fit(steer(wanted, caps, scene), caps)
     motion = fit(ramp(state.output, target, min(dt_s, LONGEST_RISE_S), scene), caps)
 
-    reasons = binding(FORWARD if wanted == STILL else wanted, votes)
+    reasons = binding(FORWARD if wanted == STILL else wanted, [*votes, *lease(scene)])
     fault = next((vote for vote in votes if vote.grip is Grip.LATCHES), None) if not state.latch else None
     spent = wanted != STILL and target == STILL and any(vote.grip is not Grip.WAITS for vote in reasons)
     state, arm, refusals = confirm(state, facts, votes)
@@ -97,15 +97,15 @@ def steer(want: Motion, caps: Caps, scene: Scene) -> Motion:
 
 def ramp(old: Motion, new: Motion, dt_s: float, scene: Scene) -> Motion:
     """Only rising magnitudes are limited; falling is at once, and a reversal goes through standstill."""
-    limits, reported = scene.limits, scene.facts.drive.speed_mm_s or 0.0
+    limits, does = scene.limits, reported(scene.facts.drive)
     drive = _rise(old.drive_mm_s, new.drive_mm_s, limits.accel_mm_s2 * dt_s)
-    if reported * drive < 0.0 and abs(reported) > STANDING_MM_S:
+    if does.drive_mm_s * drive < 0.0 and abs(does.drive_mm_s) > STANDING_MM_S:
         drive = 0.0
     return Motion(drive, _rise(old.turn_deg_s, new.turn_deg_s, limits.turn_accel_deg_s2 * dt_s))
 
 
 def _rise(old: float, new: float, most: float) -> float:
-    if old * new < 0.0 or new == 0.0:
+    if old * new < 0.0:
         return 0.0
     return max(-abs(old) - most, min(abs(old) + most, new))
 
@@ -140,11 +140,11 @@ def confirm(state: State, facts: Facts, votes: list[Envelope]) -> tuple[State, b
 
 
 def _not_ready(state: State, facts: Facts, votes: list[Envelope]) -> str:
-    drive = facts.drive
-    moving = abs(drive.speed_mm_s or 0.0) >= STANDING_MM_S or abs(drive.turn_deg_s or 0.0) >= STANDING_DEG_S
+    does = reported(facts.drive)
+    moving = abs(does.drive_mm_s) >= STANDING_MM_S or abs(does.turn_deg_s) >= STANDING_DEG_S
     if moving or state.output != STILL:
         return "the chair is moving"
-    if not drive.linked:
+    if not facts.drive.linked:
         return "the controller is not connected"
     return next((say(vote) for vote in votes if vote.rule == "freshness"), "")
 
@@ -163,7 +163,7 @@ def nearest_ahead_mm(scene: Scene, votes: list[Envelope]) -> float:
 def instruct(state: State, scene: Scene, caps: Caps, nearest_mm: float) -> str:
     """The thesis' instruction (its section 5); "Stop now" also whenever nothing may move ahead."""
     limits = scene.limits
-    if caps.forward_mm_s <= 0.0 or nearest_mm <= limits.stop_mm:
+    if caps.forward_mm_s <= 0.0:
         return Instruction.STOP
     if nearest_mm <= limits.avoid_mm:
         return _which_side(scene)

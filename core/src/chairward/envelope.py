@@ -8,7 +8,7 @@ clipping component by component would straighten a curve into the obstacle it go
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from enum import IntEnum
+from enum import Enum
 from math import inf
 from typing import NamedTuple
 
@@ -28,7 +28,7 @@ OPEN = Caps()
 CLOSED = Caps(0.0, 0.0, 0.0, 0.0)
 
 
-class Grip(IntEnum):
+class Grip(Enum):
     """What a vote does to the live wish when it closes the way that the wish wants."""
 
     WAITS = 0

@@ -14,7 +14,7 @@ from math import inf
 from chairward.envelope import CLOSED, OPEN, Caps, Envelope, Grip
 from chairward.facts import MS, Limits
 from chairward.messages import Way
-from chairward.scene import WAYS, WINDOW, Scene, Seen, lane
+from chairward.scene import WAYS, WINDOW, Scene, Seen, lane, reported
 from chairward.stopping import approach_speed_mm_s, largest_speed_mm_s, stopping_distance_mm
 
 FUTURE_LIMIT_NS = 5 * MS
@@ -121,7 +121,7 @@ def approach_speed(scene: Scene) -> Votes:
     at once has to stop. Source: thesis wish "threshold follows the speed"; peers.md lesson 2; DESIGN rule 3.
     """
     facts, _, limits, seen = scene
-    speed = facts.drive.speed_mm_s or 0.0
+    speed = reported(facts.drive).drive_mm_s
     enough_ahead = _enough_mm(limits.caps.forward_mm_s, speed, limits)
     enough_behind = _enough_mm(limits.caps.backward_mm_s, -speed, limits)
     for s in seen:
@@ -222,7 +222,10 @@ def near_loss(scene: Scene) -> Votes:
 
 # 7 -----------------------------------------------------------------------------------------------------------------
 def lease(scene: Scene) -> Votes:
-    """No live wish, no motion: every word is a lease, every held switch must keep repeating. Peers.md lesson 1."""
+    """No live wish, no motion: every word is a lease, every held switch must keep repeating. Peers.md lesson 1.
+
+    Not among RULES: what nobody asks for needs no veto, it is only a reason to tell. `wishes` lets the leases run out.
+    """
     if scene.state.wish is None:
         yield Envelope(CLOSED, "lease", "", "no wish is live: say a new word")
 
@@ -285,6 +288,5 @@ RULES: tuple[Callable[[Scene], Votes], ...] = (
     approach_speed,
     avoid,
     direction,
-    lease,
 )
-"""In the order in which their reasons are told to people."""
+"""All that can take motion away, in the order in which their reasons are told to people (`lease` comes last)."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 from math import inf
 from typing import NamedTuple
 
+from chairward.components import Motion
 from chairward.facts import Facts, Limits, State
-from chairward.messages import RangeReading, Way
+from chairward.messages import DriveStatus, RangeReading, Way
 
 WINDOW = 3
 """Readings of a sensor that count: stop on any one of them, release on all of them."""
@@ -68,6 +69,11 @@ def boil(source: str, window: tuple[RangeReading, ...]) -> Seen:
             blind += 1
             reason = reading.reason
     return Seen(source, ahead, behind, left, right, closing, blind, reason)
+
+
+def reported(drive: DriveStatus) -> Motion:
+    """What the controller says the chair does; standing still where it does not tell."""
+    return Motion(drive.speed_mm_s or 0.0, drive.turn_deg_s or 0.0)
 
 
 def lane(source: str) -> str:

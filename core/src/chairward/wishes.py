@@ -11,6 +11,7 @@ from dataclasses import replace
 from chairward.components import STILL, Motion
 from chairward.facts import Facts, Limits, S, State, Wish
 from chairward.messages import Button, Command
+from chairward.scene import reported
 
 TURNS = (Command.LEFT, Command.RIGHT)
 AT_REST = (0.0, 0.0)
@@ -25,10 +26,10 @@ def travel(state: State, facts: Facts, limits: Limits, dt_s: float) -> State:
         return state
     if base and not live(base, facts, limits):
         return replace(state, wish=None, base=None)
-    left = state.step_left - (0.0 if wish.held else _moved(wish, state, facts) * dt_s)
-    if not live(wish, facts, limits) or (state.step_left > 0.0 and left <= 0.0):
+    left = state.step_left - _moved(wish, state, facts) * dt_s
+    if not live(wish, facts, limits) or (state.step_left and left <= 0.0):
         return replace(state, wish=base, base=None, step_left=0.0)
-    return replace(state, step_left=left) if state.step_left > 0.0 else state
+    return replace(state, step_left=left) if state.step_left else state
 
 
 def live(wish: Wish, facts: Facts, limits: Limits) -> bool:
@@ -38,10 +39,10 @@ def live(wish: Wish, facts: Facts, limits: Limits) -> bool:
 
 def _moved(wish: Wish, state: State, facts: Facts) -> float:
     """The rate at which a step is used up: the larger of commanded and reported, so that every step ends."""
-    drive, turn = state.output
+    told, does = state.output, reported(facts.drive)
     if wish.command in TURNS:
-        return max(abs(turn), abs(facts.drive.turn_deg_s or 0.0))
-    return max(abs(drive), abs(facts.drive.speed_mm_s or 0.0))
+        return max(abs(told.turn_deg_s), abs(does.turn_deg_s))
+    return max(abs(told.drive_mm_s), abs(does.drive_mm_s))
 
 
 def listen(state: State, facts: Facts, limits: Limits) -> tuple[State, tuple[str, ...]]:
@@ -89,18 +90,18 @@ def hear(state: State, wish: Wish, limits: Limits) -> State:
     """One new wish takes the place of the old.
 
     Except: a word does not override a live held switch of another source, and a stick at rest ends only its own wish.
-    A turn during a forward wish is an arc that returns to it; otherwise it is a step on the spot.
+    A turn during a forward wish is an arc that returns to it; otherwise it is a step on the spot. Held, it is no step.
     """
     old = state.wish
     if old and old.held and not wish.held and old.source != wish.source:
         return state
     if wish.stick == AT_REST:
         return replace(state, wish=None, base=None) if old and old.source == wish.source else state
-    if wish.stick is not None:
+    if wish.held or wish.stick is not None:
         return replace(state, wish=wish, base=None, step_left=0.0)
     if wish.command in TURNS:
         forward = state.base or (old if old and old.command is Command.FRONT and old.stick is None else None)
-        if forward and not wish.held:
+        if forward:
             return replace(state, wish=wish, base=forward, step_left=limits.arc_step_deg)
         return replace(state, wish=wish, base=None, step_left=limits.turn_step_deg)
     step = {Command.BACK: limits.back_step_mm, Command.REVERSE: limits.reverse_step_mm}.get(wish.command, 0.0)
