@@ -3,8 +3,8 @@
 import { $, make, put } from "./dom.js";
 import { connect, stopButton, stopKeys } from "./link.js";
 import { dress, looks } from "./looks.js";
-import { distance, NOTHING, shape } from "./sign.js";
-import { LANGUAGES, speak, text } from "./texts.js";
+import { NOTHING, shape } from "./sign.js";
+import { amount, LANGUAGES, speak, text } from "./texts.js";
 
 export const PAGES = { drive: "/", live: "/live", words: "/words", person: "/person", plugins: "/plugins", stops: "/stops", calibrate: "/calibrate" };
 
@@ -33,7 +33,7 @@ export async function frame({ onState = () => {}, onLanguage = () => {} } = {}) 
     sign.className = state.colour;
     shape(svg, state.shape);
     put(words, text(`instruction.${state.instruction}`));
-    put(mm, state.nearest_mm == null ? "" : `${distance(state)} mm`);
+    put(mm, state.nearest_mm == null ? "" : amount(state.nearest_mm, "mm"));
     const resting = $("resting");
     if (resting) resting.hidden = !state.armed;
   };
