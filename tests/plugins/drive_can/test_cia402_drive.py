@@ -105,6 +105,21 @@ def test_both_time_outs_stop_a_node_by_itself(cia402_rig) -> None:  # type: igno
     assert all(node.timeouts == 1 for node in nodes(rig))
 
 
+def test_once_set_up_no_sdo_is_sent_again_whatever_happens(cia402_rig) -> None:  # type: ignore[no-untyped-def]
+    rig = cia402_rig
+    rig.connect()
+    assert any(0x600 < frame.id < 0x680 for _, frame in rig.sent)
+    before = len(rig.sent)
+    rig.go()
+    rig.ticks(0.3, rig.half, hard_stop=True)
+    rig.run(0.5)
+    rig.ticks(0.3)
+    rig.drive.disarm(rig.now_ns())
+    rig.ticks(0.3)
+    rig.go()
+    assert not [frame for _, frame in rig.sent[before:] if 0x580 < frame.id < 0x680]
+
+
 def test_a_left_turn_turns_the_right_wheel_forward_and_the_left_backward(cia402_rig) -> None:  # type: ignore[no-untyped-def]
     rig = cia402_rig
     rig.go(Motion(0.0, 20.0))
