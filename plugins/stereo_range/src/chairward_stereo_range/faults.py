@@ -1,19 +1,15 @@
 """What can be wrong with a pair before anything is measured on it: each is noticed, named, and counts as blind.
 
-Dark, covered, frozen, wrongly exposed or unequal pictures are seen in the pictures themselves. Swapped cameras and
-cameras that no longer look along the same rows are found by trying, on a quarter of the size, two alternatives a frame
-(the pair swapped, one picture moved up or down) and counting how much matches: a pair that matches much better when
-changed is not the pair that was calibrated.
+Dark, covered, frozen, wrongly exposed or unequal pictures are seen in the pictures themselves. Swapped cameras, cameras
+that no longer look along the same rows and the calibration of another rig are seen in where corners of the left picture
+lie in the right one (pyramidal Lucas-Kanade, there and back): on the same row, and never to the right, if all is well.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-import numpy.typing as npt
 
-from chairward.stages import Image
+from chairward.stages import Floats, Image
 from chairward_stereo_range.opencv import opencv
 
 DARK_LEVEL = 14.0
@@ -22,22 +18,15 @@ FLAT_STD = 2.5
 EXPOSURE_RATIO = 1.6
 MAX_SKEW_NS = 20_000_000
 FROZEN_FRAMES = 3
-PROBES = ("as it is", "swapped", -2, -1, 1, 2)
-BETTER = 1.7
-"""A changed pair must match this many times better ..."""
-LEAST_SHARE = 0.12
-"""... over this much of the picture ..."""
-TIMES = 2
-"""... in so many rounds of probes in turn. A round takes three frames."""
-DISPARITIES = 32
-
-
-@dataclass(slots=True)
-class _Votes:
-    """How often in turn each changed pair has won."""
-
-    swapped: int = 0
-    shifted: int = 0
+CORNERS, LEAST_CORNERS = 80, 15
+ROWS = 120
+"""Corners are looked for in pictures of this height, in every EVERY-th pair; TIMES in turn must say the same."""
+EVERY, TIMES = 3, 2
+APART_PX = 1.5
+"""Rows (at 240) between the two pictures of a corner, in the median: block matching fails from about two on."""
+SWAPPED_PX = 1.5
+"""So far to the right (at 240 rows) the median corner lies if left and right are exchanged; nothing is so far away."""
+RETURN_PX = 0.5
 
 
 class FaultWatch:
@@ -46,25 +35,19 @@ class FaultWatch:
     def __init__(self) -> None:
         self._last: tuple[Image, Image] | None = None
         self._same = [0, 0]
-        self._shares: dict[object, float] = {}
-        self._next = 0
-        self._votes = _Votes()
-        self._matcher: object = None
+        self._pairs = 0
+        self._suspected = ""
+        self._times = 0
 
     def check(self, left: Image, right: Image, skew_ns: int) -> str:
         """left, right: h x w x 3 BGR of the working size. Returns "" or one short sentence that names the fault."""
         cv2 = opencv()
-        size = (left.shape[1] // 4, left.shape[0] // 4)
-        small = [
+        size = (left.shape[1] * ROWS // left.shape[0], ROWS)
+        a, b = (
             np.asarray(cv2.cvtColor(cv2.resize(p, size, interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2GRAY), np.uint8)
             for p in (left, right)
-        ]
-        return (
-            self._frozen(small[0], small[1])
-            or _exposure(small[0], small[1])
-            or _skew(skew_ns)
-            or self._alignment(small[0], small[1])
         )
+        return self._frozen(a, b) or _exposure(a, b) or _skew(skew_ns) or self._alignment(a, b)
 
     def _frozen(self, left: Image, right: Image) -> str:
         """One camera repeats its picture to the bit while the other one's changes."""
@@ -78,41 +61,40 @@ class FaultWatch:
         return ""
 
     def _alignment(self, left: Image, right: Image) -> str:
-        for _ in range(2):
-            probe = PROBES[self._next]
-            self._shares[probe] = self._share(left, right, probe)
-            self._next = (self._next + 1) % len(PROBES)
-        if self._next == 0:
-            base = self._shares[PROBES[0]]
-            self._votes.swapped = self._votes.swapped + 1 if self._wins(("swapped",), base) else 0
-            self._votes.shifted = self._votes.shifted + 1 if self._wins((-2, -1, 1, 2), base) else 0
-        if self._votes.swapped >= TIMES:
-            return "the left and right cameras are swapped"
-        if self._votes.shifted >= TIMES:
-            return "the cameras no longer look along the same rows: calibrate again"
+        self._pairs += 1
+        if self._pairs % EVERY == 1:
+            suspected = _misaligned(left, right)
+            self._times = self._times + 1 if suspected == self._suspected else 1
+            self._suspected = suspected
+        return self._suspected if self._times >= TIMES else ""
+
+
+def _misaligned(left: Image, right: Image) -> str:
+    """What the corners of one pair say; "" when all is well or there are too few of them."""
+    moved = corner_shifts(left, right)
+    if len(moved) < LEAST_CORNERS:
         return ""
+    right_px = float(np.median(moved[:, 0])) * (240 / ROWS)
+    apart_px = float(np.median(np.abs(moved[:, 1]))) * (240 / ROWS)
+    if right_px > SWAPPED_PX:
+        return "the left and right cameras are swapped"
+    if apart_px > APART_PX:
+        return "the cameras do not look along the same rows: calibrate again, or use this rig's calibration"
+    return ""
 
-    def _wins(self, probes: tuple[object, ...], base: float) -> bool:
-        best = max(self._shares.get(p, 0.0) for p in probes)
-        return best > LEAST_SHARE and best > BETTER * base
 
-    def _share(self, left: Image, right: Image, probe: object) -> float:
-        """The part of the picture that block matching trusts, for one way of taking the pair."""
-        cv2 = opencv()
-        if self._matcher is None:
-            matcher = cv2.StereoBM_create(DISPARITIES, 9)
-            matcher.setUniquenessRatio(15)
-            matcher.setTextureThreshold(40)
-            matcher.setDisp12MaxDiff(1)
-            matcher.setSpeckleWindowSize(30)
-            matcher.setSpeckleRange(1)
-            self._matcher = matcher
-        a, b = (right, left) if probe == "swapped" else (left, right)
-        if isinstance(probe, int):
-            b = np.asarray(np.roll(b, probe, axis=0), np.uint8)
-        found: npt.NDArray[np.int16] = self._matcher.compute(a, b)  # type: ignore[attr-defined]
-        inner = found[4:-4, DISPARITIES:]
-        return float((inner > 0).mean())
+def corner_shifts(left: Image, right: Image) -> Floats:
+    """n x 2: how far (px) right and down the corners of the left grey picture lie in the right one."""
+    cv2 = opencv()
+    corners = cv2.goodFeaturesToTrack(left, CORNERS, 0.02, 5)
+    if corners is None or len(corners) < LEAST_CORNERS:
+        return np.empty((0, 2), np.float32)
+    how = {"winSize": (11, 11), "maxLevel": 3}
+    there, found, _ = cv2.calcOpticalFlowPyrLK(left, right, corners, None, **how)
+    back, again, _ = cv2.calcOpticalFlowPyrLK(right, left, there, None, **how)
+    sure = (found.ravel() == 1) & (again.ravel() == 1)
+    sure &= np.abs(back - corners).reshape(-1, 2).max(axis=1) < RETURN_PX
+    return np.asarray((there - corners).reshape(-1, 2)[sure], np.float32)
 
 
 def _exposure(left: Image, right: Image) -> str:

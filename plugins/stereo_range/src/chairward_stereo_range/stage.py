@@ -66,6 +66,8 @@ class StereoRange:
         frame = bench.get(StereoFrame)
         if frame is None:
             return ()
+        if unfit := _unfit(frame):
+            return (self._blind(frame, unfit),)
         try:
             pair = self._rectified(frame)
         except calibration_file.CalibrationError as error:
@@ -157,6 +159,19 @@ class StereoRange:
             confidence=0.0,
             reason=reason[:200],
         )
+
+
+def _unfit(frame: StereoFrame) -> str:
+    """Why pictures that come rectified cannot be a pair of their geometry; "" when they can, or come raw."""
+    if frame.geometry is None:
+        return ""
+    sizes = [f"{picture.shape[1]}x{picture.shape[0]}" for picture in (frame.left, frame.right)]
+    if sizes[0] != sizes[1]:
+        return f"the left picture is {sizes[0]}, the right one {sizes[1]}: both must have one size"
+    height, width = frame.left.shape[:2]
+    if abs(width * frame.geometry.height_px - height * frame.geometry.width_px) > max(width, height):
+        return f"pictures of size {sizes[0]} for a geometry of {frame.geometry.width_px}x{frame.geometry.height_px}"
+    return ""
 
 
 def _whole_mm(distance_mm: float) -> int:
