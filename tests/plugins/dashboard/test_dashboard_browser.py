@@ -78,6 +78,7 @@ def life(chair: Chair) -> Iterator[Life]:
 def tab(browser: Any, chair: Chair, life: Life) -> Iterator[Tab]:
     """The drive page, open; it must not have said anything to the console, nor asked any other server."""
     context = browser.new_context(viewport={"width": 1180, "height": 900}, reduced_motion="reduce")
+    context.set_default_timeout(90_000)
     page = context.new_page()
     said: list[str] = []
     page.on("console", lambda message: said.append(message.text) if message.type in ("error", "warning") else None)

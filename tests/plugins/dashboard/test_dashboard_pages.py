@@ -88,6 +88,7 @@ def life(planned_chair: Chair) -> Iterator[Callable[[int], None]]:
 def show(browser: Any, planned_chair: Chair, life: Any) -> Iterator[Callable[[str], Tab]]:
     """Opens a page and waits until it has loaded; none may complain on the console or ask another server."""
     context = browser.new_context(viewport={"width": 1180, "height": 900}, reduced_motion="reduce")
+    context.set_default_timeout(120_000)
     said: list[str] = []
 
     def one(name: str) -> Tab:
@@ -293,6 +294,7 @@ class TestOnANetwork:
 
     def test_a_wrong_code_is_refused_and_the_right_one_opens_the_page(self, browser: Any, chair: Chair) -> None:
         context = browser.new_context()
+        context.set_default_timeout(120_000)
         tab = context.new_page()
         url = chair.source.url.replace("0.0.0.0", "127.0.0.1")
         tab.goto(url)

@@ -71,8 +71,9 @@ async function greet(state) {
   $("language").value = document.documentElement.lang;
 }
 
-// A page that controlled and stuttered asks for control again: the chair has been stopped by then, and must be armed anew.
-let mine = false;
+// A page that asked for control and stuttered asks again while nobody else has it: the chair has been stopped by then,
+// and must be armed anew.
+let mine = true;
 function keep(you) {
   if (you.controls) mine = true;
   else if (!you.free) mine = false;
