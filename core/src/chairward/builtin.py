@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 from chairward.check.hand import CheckHand
 from chairward.components import Component, Context, NoSettings
 from chairward.hookspecs import hookimpl
-from chairward.messages import Alive, Intent, Press
+from chairward.messages import Alive, Intent, Press, Veto
 from chairward.recording import Recorder, RecorderSettings
+from chairward.tilt import Tilt, TiltSettings
 
 if TYPE_CHECKING:
     from chairward.doctor import Check
@@ -25,9 +26,13 @@ def _hand(settings: NoSettings, context: Context) -> CheckHand:
     return CheckHand(settings, context)
 
 
+def _tilt(settings: TiltSettings, _: Context) -> Tilt:
+    return Tilt(settings)
+
+
 @hookimpl
 def chairward_sources() -> Sequence[Component]:
-    """The hand of `chairward check`."""
+    """The hand of `chairward check`, and a tilt inhibit."""
     return [
         Component(
             name="check_hand",
@@ -35,7 +40,10 @@ def chairward_sources() -> Sequence[Component]:
             make=_hand,
             gives=(Press, Intent, Alive),
             summary="the hand of chairward check; lifeless without it",
-        )
+        ),
+        Component(
+            name="tilt", settings=TiltSettings, make=_tilt, gives=(Veto,), summary="stops a chair that leans too far"
+        ),
     ]
 
 
