@@ -183,6 +183,11 @@ def silent(_: Citizen) -> object:
     return None
 
 
+def wall(animal: Citizen) -> object:
+    """No failure at all: something is near."""
+    return animal.good(ahead_mm=100)
+
+
 def flood(animal: Citizen) -> object:
     animal.due = time.monotonic()
     return [animal.good() for _ in range(200)]
