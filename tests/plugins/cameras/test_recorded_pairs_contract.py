@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -24,6 +25,7 @@ class FolderRig(SourceRig):
             for side in ("left", "right"):
                 assert cv2.imwrite(str(folder / f"{side}_{number}.png"), np.full((240, 320, 3), 90, np.uint8))
         self.name = str(folder)
+        self.context = replace(self.context, run_dir=folder)
         self.settings = {"kind": "folder", "folder": str(folder), "playback_fps": 0}
 
     def unplug(self) -> None:
