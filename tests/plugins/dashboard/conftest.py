@@ -108,7 +108,7 @@ class Chair:
         images["disparity"] = ramp
         self.pictures.write({n: Pane(name=n, image=i, captured_ns=now_ns) for n, i in images.items()})
 
-    def read_until(self, wanted: Callable[[Message], bool], within_s: float = 10.0) -> Message:
+    def read_until(self, wanted: Callable[[Message], bool], within_s: float = 40.0) -> Message:
         """What the lane reads, until the wanted message."""
         end = time.monotonic() + within_s
         while time.monotonic() < end:
@@ -119,12 +119,12 @@ class Chair:
 
     def alive_through(self, page: Page) -> None:
         """The page takes control (again, if it was silent) and beats like a real one until the lane reads it."""
-        end = time.monotonic() + 10.0
+        end = time.monotonic() + 40.0
         while time.monotonic() < end:
             page.take()
             if any(isinstance(m, Alive) and m.well for m in self.read_for(0.1)):
                 return
-        raise AssertionError("no heartbeat of the page was read within 10 s")
+        raise AssertionError("no heartbeat of the page was read within 40 s")
 
     def read_for(self, seconds: float) -> list[Message]:
         """All that the lane reads in that time."""
@@ -162,7 +162,7 @@ class Page:
         """One heartbeat."""
         self.say(t="beat", at_ms=time.monotonic() * 1000.0)
 
-    def bundle(self, within_s: float = 10.0) -> tuple[dict[str, Any], list[bytes]]:
+    def bundle(self, within_s: float = 40.0) -> tuple[dict[str, Any], list[bytes]]:
         """The next bundle: its head and its pictures; acknowledged."""
         data = self.socket.recv(within_s)
         assert isinstance(data, bytes)
@@ -176,7 +176,7 @@ class Page:
         self.say(t="got", n=head["n"])
         return head, blobs
 
-    def bundle_until(self, wanted: Callable[[dict[str, Any]], bool], within_s: float = 10.0) -> dict[str, Any]:
+    def bundle_until(self, wanted: Callable[[dict[str, Any]], bool], within_s: float = 40.0) -> dict[str, Any]:
         """Bundles until one whose head is as wanted."""
         end = time.monotonic() + within_s
         while time.monotonic() < end:

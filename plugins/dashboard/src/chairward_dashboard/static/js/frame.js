@@ -3,6 +3,7 @@
 import { $, make, put } from "./dom.js";
 import { connect, stopButton, stopKeys } from "./link.js";
 import { dress, looks } from "./looks.js";
+import { walk } from "./scan.js";
 import { NOTHING, shape } from "./sign.js";
 import { amount, LANGUAGES, speak, text } from "./texts.js";
 
@@ -70,6 +71,7 @@ export async function frame({ onState = () => {}, onLanguage = () => {} } = {}) 
   });
   stopKeys(link.push);
   stopButton(stop, link.push);
+  walk("#stop, nav a, main :is(button, input, select, summary)");
   draw();
   return link;
 }

@@ -11,12 +11,12 @@ export function offer(select) {
   select.value = String(looks.scan);
 }
 
-export function walk() {
+export function walk(what = "#controls button") {
   clearInterval(timer);
   const pace = Number(looks.scan);
   if (!pace) return;
   timer = setInterval(() => {
-    const buttons = [...document.querySelectorAll("#controls button")].filter((button) => !button.hidden && button.getAttribute("aria-disabled") !== "true");
+    const buttons = [...document.querySelectorAll(what)].filter((button) => button.offsetParent && button.getAttribute("aria-disabled") !== "true");
     buttons[(buttons.indexOf(document.activeElement) + 1) % buttons.length]?.focus();
   }, pace * 1000);
 }
