@@ -16,6 +16,7 @@ app = typer.Typer(name="can", no_args_is_help=True, help="CAN controllers: look 
 
 Interface = Annotated[str, typer.Option(help="slcan, or any of python-can's: socketcan, udp_multicast, ...")]
 Channel = Annotated[str, typer.Option(help="can0, a serial port, a multicast group")]
+Pins = Annotated[Path | None, typer.Option(help="publish the motors here, for 'chairward check drive --pins'")]
 Seconds = Annotated[float, typer.Option("--for", help="stop after so many seconds; 0: Ctrl-C")]
 
 
@@ -62,32 +63,42 @@ def sim_rnet(
     touch_every: Annotated[
         float, typer.Option(help="the user touches the joystick every so many seconds; 0: never")
     ] = 0,
+    pins: Pins = None,
     seconds: Seconds = 0.0,
 ) -> None:
     """A simulated R-Net chair: power module and joystick module. slcan: makes a pty with a link named CHANNEL."""
     settings = {"dialect": "rnet", "silence_ms": silence_ms, "joystick_module": joystick}
-    _simulate({**settings, "interface": interface, "channel": channel}, seconds, _touching(touch_every))
+    _simulate({**settings, "interface": interface, "channel": channel}, seconds, pins, _touching(touch_every))
 
 
-def sim_cia402(interface: Interface = "slcan", channel: Channel = "cia402", seconds: Seconds = 0.0) -> None:
+def sim_cia402(
+    interface: Interface = "slcan", channel: Channel = "cia402", pins: Pins = None, seconds: Seconds = 0.0
+) -> None:
     """Two simulated CANopen motor controllers, nodes 1 (left) and 2 (right)."""
-    _simulate({"dialect": "cia402", "interface": interface, "channel": channel}, seconds)
+    _simulate({"dialect": "cia402", "interface": interface, "channel": channel}, seconds, pins)
 
 
 def sim_dbc(
     interface: Interface = "slcan",
     channel: Channel = "dbc",
     silence_ms: Annotated[int, typer.Option(help="stops so long after the last command")] = 100,
+    pins: Pins = None,
     seconds: Seconds = 0.0,
 ) -> None:
     """A simulated controller that speaks the example DBC file."""
     from chairward_drive_can.example import EXAMPLE_TABLE
 
     settings = {"dialect": "dbc", "dbc": EXAMPLE_TABLE, "silence_ms": silence_ms, "startup_ms": 0}
-    _simulate({**settings, "interface": interface, "channel": channel}, seconds)
+    _simulate({**settings, "interface": interface, "channel": channel}, seconds, pins)
 
 
-def _simulate(values: dict[str, Any], seconds: float, each_round: Callable[[Any, float], None] | None = None) -> None:
+def _simulate(
+    values: dict[str, Any],
+    seconds: float,
+    pins: Path | None,
+    each_round: Callable[[Any, float], None] | None = None,
+) -> None:
+    from chairward.shared_state import PIN_NAMES, SharedState
     from chairward_drive_can.companion import new_end, new_partner
     from chairward_drive_can.partners.run import serve
     from chairward_drive_can.settings import SimCanSettings
@@ -107,12 +118,15 @@ def _simulate(values: dict[str, Any], seconds: float, each_round: Callable[[Any,
             each_round(partner, time.monotonic() - started)
         return stopped[-1] or (seconds > 0 and time.monotonic() - started > seconds)
 
+    shared = SharedState.create(pins, PIN_NAMES) if pins else None
     try:
-        serve(partner, end, stopping)
+        serve(partner, end, stopping, shared)
     except KeyboardInterrupt:
         pass
     finally:
         end.close()
+        if shared is not None:
+            shared.close()
     typer.echo(f"motion frames heard: {partner.moves_heard}")
 
 
