@@ -50,7 +50,7 @@ def sim() -> Plan:
 
 
 @pytest.mark.processes
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(480)
 def test_the_simulated_chair_is_tried_by_itself_and_the_report_says_what_was_found(tmp_path: Path) -> None:
     report = tmp_path / "acceptance.html"
     wanted = ["not armed", "sign: front", "obstacle at 500", "stop device", "unplugged", "killed: lane panel"]
@@ -59,8 +59,9 @@ def test_the_simulated_chair_is_tried_by_itself_and_the_report_says_what_was_fou
     result = CliRunner().invoke(app, [*arguments, "--report", str(report), "--by", "R. Tester", "--json"])
     said = json.loads(result.stdout[result.stdout.index("{") :])
     found = {step["step"]: step for step in said["steps"]}
-    must = ("not armed", "sign: front", "killed: guard")  # the others are timed, and a busy machine may be late
-    assert [found[name] for name in must if not found[name]["ok"]] == []
+    late = ("silent for", "recent readings", " ms")  # all that a machine which is too busy can spoil
+    assert [step for step in found.values() if not step["ok"] and not any(word in step["found"] for word in late)] == []
+    assert found["not armed"]["ok"]
     assert len(found) == 8
     assert said["passed"] == all(step["ok"] for step in found.values())
     assert result.exit_code == (0 if said["passed"] else 1)
@@ -72,7 +73,7 @@ def test_the_simulated_chair_is_tried_by_itself_and_the_report_says_what_was_fou
 
 
 @pytest.mark.processes
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(480)
 def test_the_reaction_is_measured_and_written_and_the_comments_stay(profiles: Path) -> None:
     path = profiles / "chairs" / "sim.toml"
     result = CliRunner().invoke(app, ["check", "timing", "--chair", "sim", "--times", "3", "--json"])

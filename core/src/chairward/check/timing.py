@@ -26,7 +26,7 @@ from chairward.facts import MS
 NEAR_MM = 450.0
 SETTLE_S = (0.6, 1.1)
 REACT_S = 5.0
-ATTEMPTS = 3
+ATTEMPTS = 8
 """For each time: a chair that stops by itself just before (a short gap of its computer) is asked again."""
 
 

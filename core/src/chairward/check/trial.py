@@ -31,7 +31,7 @@ HAND = "check"
 """The lane of the hand; its one component is check_hand."""
 SOURCE = "check_hand"
 FRESH_NS = 400 * MS
-START_S, ARM_S = 120.0, 20.0
+START_S, ARM_S = 240.0, 20.0
 KEPT = 30_000
 MOVING_MM_S = 20.0
 

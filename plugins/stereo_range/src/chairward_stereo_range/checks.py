@@ -104,10 +104,10 @@ def rows_apart(left: Image, right: Image) -> float | None:
     corners = cv2.goodFeaturesToTrack(a, 200, 0.01, 8)
     if corners is None or len(corners) < 15:
         return None
-    there, found, _ = cv2.calcOpticalFlowPyrLK(a, b, corners, np.zeros_like(corners), winSize=(15, 15), maxLevel=4)
-    back, again, _ = cv2.calcOpticalFlowPyrLK(b, a, there, np.zeros_like(corners), winSize=(15, 15), maxLevel=4)
-    sure = (found.ravel() == 1) & (again.ravel() == 1)
-    sure &= np.abs(back - corners).reshape(-1, 2).max(axis=1) < 0.7
+    here = np.asarray(corners, np.float32)
+    there, found = _follow(a, b, here)
+    back, again = _follow(b, a, there)
+    sure = found & again & (np.abs(back - here).reshape(-1, 2).max(axis=1) < 0.7)
     if int(sure.sum()) < 15:
         return None
     return float(np.median(np.abs((there - here).reshape(-1, 2)[sure, 1])))
