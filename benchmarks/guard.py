@@ -154,7 +154,7 @@ def report(pieces: list[Row]) -> Row:
 
 def main() -> None:
     """One piece, or the report."""
-    import chairward_zoo  # type: ignore[import-not-found]
+    import chairward_zoo
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=[*KINDS, "report"])

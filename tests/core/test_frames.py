@@ -5,8 +5,11 @@ from __future__ import annotations
 import mmap
 import os
 
+import msgspec
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from chairward import frames
 from chairward.frames import FrameReader, FrameWriter
@@ -63,4 +66,26 @@ def test_panes_too_large_for_a_slot_are_counted_not_written() -> None:
     writer.write({"left": pane("left", 1, (2000, 3000))})
     assert writer.dropped == 1
     assert reader.newest() is None
+    os.close(fd)
+
+
+ODD = st.recursive(st.integers(-(2**63), 2**64 - 1) | st.text(max_size=4), lambda inner: st.lists(inner, max_size=5))
+
+
+@given(st.binary(max_size=200) | ODD.map(msgspec.msgpack.encode), st.integers(0, 2**32 - 1))
+def test_whatever_a_process_gone_wild_writes_over_the_pictures_its_readers_live(head: bytes, size: int) -> None:
+    fd = frames.create()
+    writer, reader = FrameWriter(fd), FrameReader(frames.read_only(fd))
+    writer.write({"left": pane("left", 1)})
+    wild = mmap.mmap(fd, 0)
+    slot = frames._RING_BYTES + frames.SLOT_BYTES
+    wild[slot : slot + frames._HEAD.size + len(head)] = frames._HEAD.pack(2, len(head), size) + head
+    found = reader.newest()
+    assert found is None or all(isinstance(pane, Pane) for pane in found.values())
+    wild[slot : slot + frames._HEAD.size] = frames._HEAD.pack(2, size, size)
+    reader.count = 0
+    reader.newest()
+    wild.close()
+    writer.close()
+    reader.close()
     os.close(fd)

@@ -147,6 +147,20 @@ class Rig:
             (r for r in list(self.records) if r.facts.now_ns >= when_ns and r.decision.motion == (0.0, 0.0)), None
         )
 
+    def moved_on_silence(self, since_ns: int) -> list[Record]:
+        """Decisions since then that commanded motion although a required vote was older than its limit: none, ever."""
+        limits = self.supervisor.plan.limits
+        found = []
+        for r in list(self.records):
+            if r.facts.now_ns < since_ns or r.decision.motion == (0.0, 0.0):
+                continue
+            newest = {name: window[-1].captured_ns for name, window in r.facts.ranges.items() if window}
+            newest |= {name: said.captured_ns for name, said in r.facts.alive.items()}
+            required = {**limits.sensors, **limits.recognizers, **limits.stop_devices}
+            if any(r.facts.now_ns - newest.get(name, 0) > need.freshness_ns for name, need in required.items()):
+                found.append(r)
+        return found
+
     def misbehave(self, lane: str, how: str) -> int:
         """Let the citizen of `lane` turn; returns when, CLOCK_MONOTONIC."""
         part = self.run_dir / f".turn-{lane}"

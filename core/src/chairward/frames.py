@@ -87,6 +87,8 @@ class FrameReader:
     def __init__(self, fd: int) -> None:
         self._map = mmap.mmap(fd, _RING_BYTES + SLOTS * SLOT_BYTES, prot=mmap.PROT_READ)
         self.count = 0
+        self.spoiled = 0
+        """Slots whose content was not what a writer writes."""
 
     def newest(self) -> dict[str, Pane] | None:
         """The newest panes by name, None when there is nothing new or the writer was faster than the reader."""
@@ -101,7 +103,11 @@ class FrameReader:
         if _LATEST.unpack_from(self._map, start)[0] != before:
             return None
         self.count = count
-        return _unpack(data, head_size)
+        try:
+            return _unpack(data, head_size)
+        except (msgspec.DecodeError, ValueError, OverflowError, RecursionError):  # written over by somebody
+            self.spoiled += 1
+            return None
 
     def close(self) -> None:
         """Unmap."""

@@ -12,6 +12,7 @@ import json
 import math
 import os
 import re
+import resource
 import signal
 import socket
 import sys
@@ -288,9 +289,38 @@ def fork(animal: Citizen) -> object:
 
 
 def eat_memory(animal: Citizen) -> object:
-    if len(animal.kept) < 40:
+    """To its limit: until there is none left for the next message either."""
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+    resource.setrlimit(resource.RLIMIT_AS, (used + 200_000_000, used + 200_000_000))
+    while True:
         animal.kept.append(bytearray(8_000_000))
+
+
+def scribble(animal: Citizen) -> object:
+    """Over the pictures of every process of this run that lets itself be reached; its own readings stay good."""
+    for link in Path("/proc").glob("[0-9]*/fd/*"):
+        with contextlib.suppress(OSError):
+            mine = str(animal.context.run_dir).encode() in (link.parents[1] / "cmdline").read_bytes()
+            if mine and "chairward-frames" in os.readlink(link):
+                with link.open("r+b", buffering=0) as ring:
+                    ring.write(os.urandom(4096))
     return animal.good()
+
+
+def press(animal: Citizen) -> object:
+    """Buttons that a sensor's lane may not press."""
+    animal.seq += 3
+    now = time.monotonic_ns()
+    return [
+        Press(seq=animal.seq + nth, captured_ns=now, button=button)
+        for nth, button in enumerate((Button.ARM, Button.RESET))
+    ]
+
+
+def command(animal: Citizen) -> object:
+    """A motion that a sensor may not ask for."""
+    animal.seq += 1
+    return Intent(seq=animal.seq, captured_ns=time.monotonic_ns(), command=Command.FRONT, held=True)
 
 
 def leak_descriptors(animal: Citizen) -> object:
