@@ -25,7 +25,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 import tomllib
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -59,7 +58,7 @@ PYTEST_INI = "[pytest]\naddopts = --import-mode=importlib -q -p no:cacheprovider
 
 OWN_TESTS = {
     "envelope": ["test_envelope.py"],
-    "scene": ["test_rules_02_stop_distance.py", "test_rules_05_blind.py"],
+    "scene": ["test_scene.py", "test_rules_02_stop_distance.py", "test_rules_05_blind.py"],
     "stopping": ["test_stopping.py"],
     "rules": ["test_rules_*.py"],
     "wishes": ["test_rules_07_lease.py", "test_rules_08_latch.py"],
@@ -351,33 +350,40 @@ def coverage(tree: Path) -> dict[str, Any]:
 
 
 def count(mutants: list[Mutant], said: dict[str, str]) -> dict[str, Any]:
-    """Counts by module, and each survivor with the reason why it may live ("" where nobody has given one)."""
+    """How many were killed, and each survivor with the reason why it may live ("" where nobody has given one)."""
     reasons = {
-        (entry["module"], entry["was"], entry["now"]): group["reason"]
-        for group in tomllib.loads(REASONS.read_text())["group"]
+        (entry["was"], entry["now"]): group["reason"]
+        for group in tomllib.loads(REASONS.read_text()).get("group", [])
         for entry in group["survivors"]
     }
     survivors = [mutant for mutant in mutants if said[mutant.key] == NONE_FAILS]
-    killed = len(mutants) - len(survivors)
     return {
         "mutants": len(mutants),
-        "killed": killed,
-        "killed_percent": round(100.0 * killed / len(mutants), 2),
-        "by_module": {
-            module: {"mutants": number, "survived": sum(mutant.module == module for mutant in survivors)}
-            for module, number in Counter(mutant.module for mutant in mutants).items()
-        },
+        "killed": len(mutants) - len(survivors),
         "survivors": [
             {
-                "file": source_of(mutant.module),
                 "line": mutant.line,
                 "operator": mutant.operator,
                 "was": mutant.was,
                 "now": mutant.now,
-                "reason": reasons.get((mutant.module, mutant.was, mutant.now), ""),
+                "reason": reasons.get((mutant.was, mutant.now), ""),
             }
             for mutant in survivors
         ],
+    }
+
+
+def whole(modules: dict[str, dict[str, Any]], covered: dict[str, Any]) -> dict[str, Any]:
+    """The result over all modules that were tried."""
+    mutants, killed = (sum(found[key] for found in modules.values()) for key in ("mutants", "killed"))
+    return {
+        "what": "mutants of the safety core (cosmic-ray) that its fast tests notice, and the coverage by these tests",
+        "python": platform.python_version(),
+        "mutants": mutants,
+        "killed": killed,
+        "killed_percent": round(100.0 * killed / mutants, 2),
+        "coverage": covered,
+        "modules": modules,
     }
 
 
@@ -385,38 +391,34 @@ def main() -> None:
     """Make, try, count, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--fresh", action="store_true", help="forget what an earlier run has killed")
-    parser.add_argument("--only", choices=tuple(OWN_TESTS), help="one module; the result is printed, not kept")
-    parser.add_argument("--sample", type=int, help="so many mutants at random; the result is printed, not kept")
+    parser.add_argument("--only", choices=tuple(OWN_TESTS), help="one module: the others' results are left as they are")
+    parser.add_argument("--sample", type=int, help="so many mutants of each at random; the result is printed, not kept")
     parser.add_argument("--processes", type=int, default=os.cpu_count())
     options = parser.parse_args()
-    part = bool(options.only or options.sample)
     if options.fresh:
         LEDGER.unlink(missing_ok=True)
-    begun = time.monotonic()
+    kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else {"modules": {}, "coverage": {}}
+    tried = [options.only] if options.only else list(OWN_TESTS)
     with tempfile.TemporaryDirectory(prefix="mutation-") as folder:
         tree = copy_tree(Path(folder) / "whole")
-        modules = [options.only] if options.only else list(OWN_TESTS)
         with ProcessPoolExecutor(options.processes) as pool:
-            made = pool.map(mutants_of, modules, [(tree / source_of(module)).read_text() for module in modules])
-            mutants = [mutant for found in made for mutant in found]
+            made = list(pool.map(mutants_of, tried, [(tree / source_of(module)).read_text() for module in tried]))
         if options.sample:
-            mutants = Random(0).sample(mutants, min(options.sample, len(mutants)))
-        said = judge(mutants, Path(folder), options.processes)
-        covered = {"missing": {}} if part else coverage(tree)
-    result = {
-        "what": "mutants of the safety core (cosmic-ray) that its fast tests notice, and the coverage by these tests",
-        "python": platform.python_version(),
-        "seconds": round(time.monotonic() - begun),
-        **count(mutants, said),
-        "coverage": covered,
-    }
-    if not part:
+            made = [Random(0).sample(found, min(options.sample, len(found))) for found in made]
+        said = judge([mutant for found in made for mutant in found], Path(folder), options.processes)
+        covered = kept["coverage"] if options.only or options.sample else coverage(tree)
+    found = {module: count(mutants, said) for module, mutants in zip(tried, made, strict=True)}
+    everything = {**kept["modules"], **found}
+    result = whole({module: everything[module] for module in OWN_TESTS if module in everything}, covered)
+    if not options.sample:
         RESULTS.write_text(json.dumps(result, indent=1) + "\n")
-    for one in result["survivors"]:
-        print("{file}:{line} {operator}\n    - {was}\n    + {now}\n    = {reason}".format(**one))
-    print(json.dumps({key: value for key, value in result.items() if key != "survivors"}, indent=1))
-    enough = result["killed_percent"] >= ENOUGH_PERCENT and all(one["reason"] for one in result["survivors"])
-    sys.exit(not enough or bool(covered["missing"]))
+    for module, counts in found.items():
+        print(f"{module}: {counts['killed']} of {counts['mutants']} killed")
+        for one in counts["survivors"]:
+            print("  {line} {operator}\n    - {was}\n    + {now}\n    = {reason}".format(**one))
+    print(json.dumps({key: value for key, value in result.items() if key != "modules"}, indent=1))
+    explained = all(one["reason"] for counts in everything.values() for one in counts["survivors"])
+    sys.exit(not explained or bool(covered.get("missing")) or result["killed_percent"] < ENOUGH_PERCENT)
 
 
 if __name__ == "__main__":
