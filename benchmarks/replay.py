@@ -1,8 +1,8 @@
-"""Replay measured on one recording: is every decision reproduced, how fast, and what does a file give that was cut?
+"""Replay measured on recordings: is every decision reproduced, how fast, and what does a file give that was cut?
 
-    python benchmarks/replay.py RECORDING [--cuts 1000] [--out benchmarks/results/replay.json]
+    python benchmarks/replay.py RECORDING... [--cuts 1000] [--out benchmarks/results/replay.json]
 
-Record ten minutes first: chairward demo --headless --for 600s --record RECORDING
+Record ten minutes first: chairward demo --headless --for 600s --record RECORDING (or several shorter ones)
 CPU time of one process is given beside wall time: what a busy machine does to the latter says nothing about replay.
 """
 
@@ -87,24 +87,31 @@ def cut(path: Path, cuts: int, seed: int) -> dict[str, Any]:
     }
 
 
-def main() -> None:
-    """Measure and write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("recording", type=Path)
-    parser.add_argument("--cuts", type=int, default=1000)
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "replay.json")
-    given = parser.parse_args()
-    contents = tools.inspect(given.recording)
-    result = {
-        "what": "replay of a recorded demo, bit for bit; and the same file cut at random places",
-        "python": platform.python_version(),
-        "load_1min": round(os.getloadavg()[0], 2),
+def measured(path: Path, cuts: int) -> dict[str, Any]:
+    """Everything of one recording."""
+    contents = tools.inspect(path)
+    return {
         "file_mb": round(contents.size / 1e6, 1),
         "protective_stops": contents.protective_stops,
         "pictures": contents.pictures,
         "missed_by_the_recorder": contents.missed,
-        **reproduced(given.recording),
-        **cut(given.recording, given.cuts, seed=1),
+        **reproduced(path),
+        **cut(path, cuts, seed=1),
+    }
+
+
+def main() -> None:
+    """Measure and write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("recordings", type=Path, nargs="+")
+    parser.add_argument("--cuts", type=int, default=1000, help="of all recordings together")
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "replay.json")
+    given = parser.parse_args()
+    result = {
+        "what": "replay of recorded demos, bit for bit; and the same files cut at random places",
+        "python": platform.python_version(),
+        "load_1min": round(os.getloadavg()[0], 2),
+        "recordings": [measured(path, given.cuts // len(given.recordings)) for path in given.recordings],
     }
     text = json.dumps(result, indent=1)
     given.out.write_text(text + "\n")

@@ -19,6 +19,7 @@ STYLE = """
 body { font-family: sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #111; }
 table { border-collapse: collapse; width: 100%; }
 th, td { border: 1px solid #999; padding: .35rem .6rem; text-align: left; }
+.pass, .fail { white-space: nowrap; }
 .pass { color: #15603a; } .fail { color: #a11; font-weight: bold; }
 figure { margin: 1.2rem 0; page-break-inside: avoid; }
 img { width: 320px; image-rendering: pixelated; border: 1px solid #999; }

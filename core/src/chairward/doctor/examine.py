@@ -28,7 +28,7 @@ from chairward.plan import LanePlan, Part, Plan, fill_run_dir
 from chairward.plugins import PluginError, Registry
 from chairward.processes import kill_group, last_words, spawn
 
-START_S = 20.0
+START_S = 45.0
 """A place's process that has not begun its first check by then is a finding."""
 MACHINE, DRIVE = "machine", "drive"
 
