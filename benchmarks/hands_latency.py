@@ -3,11 +3,14 @@
     python benchmarks/hands_latency.py [--engine gpsim|model]     writes benchmarks/results/hands_latency_ENGINE.json
 
 Latency: from the call `command(..., hard_stop=True)` to both bridge inputs low, at random moments of a drive at speed.
-In between are the pty, the line at 57600 baud and the firmware. Both ends with SCHED_FIFO where that is allowed.
+In between are the drive, the pty, the line at 57600 baud and the firmware; with gpsim the parts are told too. A pty's
+bytes are carried by a worker of the kernel that has no priority and so waits on a busy machine; a real port has none.
+Both ends with SCHED_FIFO where that is allowed.
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import random
 import select
@@ -23,7 +26,7 @@ from report import machine, save, spread
 
 from chairward import realtime
 from chairward.components import STILL, DriveError, Motion
-from chairward.shared_state import SharedState
+from chairward.shared_state import PIN_NAMES, SharedState
 from chairward_drive_pic_serial import bridge
 from chairward_drive_pic_serial.drive import PicSerialDrive
 from chairward_drive_pic_serial.settings import PicSerialSettings
@@ -31,12 +34,27 @@ from chairward_drive_pic_serial.sim_pic import SimPic, SimPicSettings
 
 Engine = Literal["gpsim", "model"]
 SPEED = Motion(400.0, 0.0)
+CYCLES_PER_MS, BYTE_CYCLES = 5_000, 868
+MEMORY = Path("/dev/shm")
+"""gpsim's log must not wait for a disk."""
 
 
-def live(engine: Engine, body: Callable[[PicSerialDrive, SharedState], None]) -> None:
-    """A simulated PIC in a child process, and the drive here."""
-    with tempfile.TemporaryDirectory() as name:
+def live(engine: Engine, body: Callable[[PicSerialDrive, SharedState], None]) -> list[float]:
+    """A simulated PIC in a process of its own, and the drive here. gpsim: what `line_and_firmware` says."""
+    with tempfile.TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else None) as name:
         folder = Path(name)
+        if engine == "gpsim" and bridge.available():
+            SharedState.create(folder / "pins", PIN_NAMES).close()
+            gpsim = bridge.GpsimOnPty(folder / "pic", folder / "pins", log=folder / "log")
+            try:
+                with contextlib.suppress(PermissionError):
+                    os.sched_setscheduler(gpsim.process.pid, os.SCHED_FIFO, os.sched_param(40))
+                while not gpsim.ready():
+                    time.sleep(0.05)
+                drive_it(folder, body)
+            finally:
+                gpsim.close()
+            return line_and_firmware(folder / "log")
         child = os.fork()
         if child == 0:
             parent = os.getppid()
@@ -50,13 +68,36 @@ def live(engine: Engine, body: Callable[[PicSerialDrive, SharedState], None]) ->
             end = time.monotonic() + 60.0
             while not (folder / "ready").exists() and time.monotonic() < end:
                 time.sleep(0.05)
-            pins = SharedState.attach(folder / "pins")
-            drive = PicSerialDrive(PicSerialSettings(port=str(folder / "pic"), accel_mm_s2=5000.0))
-            body(drive, pins)
-            drive.close()
+            drive_it(folder, body)
         finally:
             (folder / "end").touch()
             os.waitpid(child, 0)
+        return []
+
+
+def drive_it(folder: Path, body: Callable[[PicSerialDrive, SharedState], None]) -> None:
+    """The drive on folder/pic, with the pins."""
+    pins = SharedState.attach(folder / "pins")
+    drive = PicSerialDrive(PicSerialSettings(port=str(folder / "pic"), accel_mm_s2=5000.0))
+    body(drive, pins)
+    drive.close()
+    pins.close()
+
+
+def line_and_firmware(log: Path) -> list[float]:
+    """Milliseconds from the first start bit of each frame that stopped the motor to the pins, in firmware cycles."""
+    taken, frame, moving = [], [], False
+    for line in log.read_text(encoding="ascii").splitlines():
+        kind, cycle, *values = line.split()
+        if kind == "byte":
+            if frame and int(cycle) - frame[-1] > 1.5 * BYTE_CYCLES:
+                frame = []
+            frame.append(int(cycle))
+            continue
+        was, moving = moving, values[1] != values[2]
+        if was and not moving and frame:
+            taken.append((int(cycle) - frame[0] + BYTE_CYCLES) / CYCLES_PER_MS)
+    return taken
 
 
 def tick(drive: PicSerialDrive, motion: Motion) -> bool:
@@ -75,9 +116,10 @@ def tick(drive: PicSerialDrive, motion: Motion) -> bool:
     return status.armed
 
 
-def stops(engine: Engine, runs: int) -> tuple[list[float], int]:
-    """Milliseconds of each stop, and how many runs were lost because the machine was away for 200 ms."""
+def stops(engine: Engine, runs: int) -> dict[str, Any]:
+    """Milliseconds of each stop and of its parts, and the runs that were lost because the machine was away."""
     taken: list[float] = []
+    called: list[float] = []
     lost = 0
 
     def body(drive: PicSerialDrive, pins: SharedState) -> None:
@@ -92,6 +134,7 @@ def stops(engine: Engine, runs: int) -> tuple[list[float], int]:
                 drive.poll(time.monotonic_ns())
                 start = time.monotonic_ns()
                 drive.command(start, STILL, hard_stop=True)
+                called.append((time.monotonic_ns() - start) / 1e6)
             except DriveError:
                 lost += 1
                 continue
@@ -101,8 +144,9 @@ def stops(engine: Engine, runs: int) -> tuple[list[float], int]:
                 time.sleep(0.0002)
             taken.append((seen["time_ns"] - start) / 1e6)
 
-    live(engine, body)
-    return taken, lost
+    line = live(engine, body)
+    told = {"stop_to_pin_ms": spread(taken), "runs_lost_to_the_machine": lost, "of_it_the_call_ms": spread(called)}
+    return told | ({"of_it_line_and_firmware_ms": spread(line)} if line else {})
 
 
 def calls(runs: int) -> list[float]:
@@ -142,15 +186,14 @@ def cost(engine: Engine, seconds: float) -> float:
 def main(engine: Engine = "gpsim", runs: int = 300, fifo: bool = True) -> None:
     """See above."""
     granted = realtime.claim(30) if fifo else None
-    taken, lost = stops(engine, runs)
+    found = stops(engine, runs)
     took = calls(2000)
     result: dict[str, Any] = {
         "what": "hard stop called to both bridge inputs low; real drive, pty, 57600 baud",
         "engine": engine,
         "pty_bridge": engine == "gpsim" and bridge.available(),
         "sched_fifo": bool(granted and granted.fifo),
-        "stop_to_pin_ms": spread(taken),
-        "runs_lost_to_the_machine": lost,
+        **found,
         "poll_and_command_cpu_us": spread(took),
         "simulated_pic_share_of_a_core": round(cost(engine, 5.0), 3),
     }

@@ -41,7 +41,7 @@ LIMIT_MS = {"killed": TIMEOUT_MS + 10, "stopped": TIMEOUT_MS + 10, "unplugged": 
 HANG = wire.encode(bytes([0x7E, 4]))
 SPEED_MM_S = 500.0
 FULL_SPEED_MM_S = 700.0
-SOURCES = ("firmware/drive.asm", "bridge/*", "drive.py", "wire.py", "port.py")
+SOURCES = ("firmware/drive.asm", "bridge/__init__.py", "bridge/pty_bridge.cc", "drive.py", "wire.py", "port.py")
 
 
 @dataclass(frozen=True, slots=True)

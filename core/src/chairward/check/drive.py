@@ -87,7 +87,8 @@ class DriveCheck:
             elif seen == [(-a, -b) for a, b in wanted]:
                 sign = -1
             else:
-                return Finding(step, False, f"asked for {_told(wanted)}, seen {_told(seen)}: the motors are crossed")
+                why = "the motors are crossed, or one of them does not turn both ways"
+                return Finding(step, False, f"asked for {_told(wanted)}, seen {_told(seen)}: {why}")
             if key in self._settings:
                 values[key] = sign * int(self._settings[key])
             elif sign < 0:

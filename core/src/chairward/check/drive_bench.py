@@ -51,7 +51,6 @@ class DriveBench:
         self.status = DriveStatus(at_ns=0, linked=False, armed=False)
         self.commanded_ns = 0
         self.trouble = ""
-        self._due_ns = 0
 
     def connect(self) -> None:
         """Until linked. Raises BenchError with the drive's own reason."""
@@ -78,10 +77,10 @@ class DriveBench:
         self, motion: Motion, seconds: float, look: Callable[[], bool] = lambda: False, *, hard_stop: bool = False
     ) -> bool:
         """Command it at every tick, the first at once, for so long; True when `look` ended it."""
-        end, self._due_ns = self.clock.now_ns() + int(seconds * S), 0
+        end, due = self.clock.now_ns() + int(seconds * S), 0
         while (now := self.clock.now_ns()) < end:
-            if now >= self._due_ns:
-                self._due_ns = now + self.drive.period_ns
+            if now >= due:
+                due = now + self.drive.period_ns
                 self.commanded_ns = now
                 self._try(lambda: self.drive.command(self.clock.now_ns(), motion, hard_stop=hard_stop))
             self.read()
