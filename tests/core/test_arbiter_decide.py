@@ -13,10 +13,10 @@ from chairward import records
 from chairward.arbiter import decide, ramp
 from chairward.components import STILL, Motion
 from chairward.envelope import Caps
-from chairward.facts import MS, Facts, Limits, SourceLimits, State
-from chairward.messages import Command, Way
+from chairward.facts import MS, Facts, Limits, Near, Pressed, SourceLimits, State
+from chairward.messages import Button, Command, Way
 from chairward.scene import look
-from chairward.testing.ride import FRONT, START_NS, Ride, chair_limits, driving, healthy, readings
+from chairward.testing.ride import FRONT, PANEL, START_NS, Ride, chair_limits, driving, healthy, readings
 
 LIMITS = chair_limits()
 SIDE = "side/range"
@@ -231,3 +231,78 @@ def test_no_motion_ever_exceeds_the_chairs_caps_whatever_the_person_asks() -> No
     assert ride.tick(Command.FRONT, times=100).motion == Motion(400.0, 0.0)
     ride.tick(Command.STOP)
     assert abs(ride.tick(Command.RIGHT, times=5).motion.turn_deg_s) <= 25.0
+
+
+def test_the_time_since_the_last_decision_counts_however_long_ago_it_was() -> None:
+    state = driving(output=STILL, output_ns=START_NS // 2)
+    assert decide(*now(state=state))[1].motion == Motion(50.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("word", "output", "near"),
+    [
+        (Command.FRONT, Motion(300.0, 0.0), {"ahead_mm": 600}),
+        (Command.BACK, Motion(-150.0, 0.0), {"behind_mm": 600}),
+        (Command.LEFT, Motion(0.0, 20.0), {"left_mm": 250}),
+        (Command.RIGHT, Motion(0.0, -20.0), {"right_mm": 250}),
+    ],
+)
+def test_whichever_way_it_goes_what_is_too_near_there_is_a_protective_stop(
+    word: Command, output: Motion, near: dict[str, int]
+) -> None:
+    state = driving(word, output=output, step_left=0.0 if word is Command.FRONT else 10.0)
+    after, decision = decide(*now(state=state, **near))
+    assert decision.motion == STILL
+    assert decision.protective_stop
+    assert after.wish is None
+
+
+@pytest.mark.parametrize(
+    ("word", "output", "near"),
+    [
+        (Command.FRONT, Motion(300.0, 0.0), {"ahead_mm": 640, "left_mm": 900}),
+        (Command.BACK, Motion(-150.0, 0.0), {"behind_mm": 640}),
+    ],
+)
+def test_to_be_slowed_is_no_stop(word: Command, output: Motion, near: dict[str, int]) -> None:
+    state = driving(word, output=output, step_left=0.0 if word is Command.FRONT else 10.0)
+    after, decision = decide(*now(state=state, **near))
+    assert 0.0 < abs(decision.motion.drive_mm_s) < abs(output.drive_mm_s)
+    assert not decision.protective_stop
+    assert after.wish == state.wish
+
+
+def test_a_controller_that_accepted_motion_before_it_was_asked_to_is_not_counted_as_armed() -> None:
+    pressed = (Pressed(source=PANEL, button=Button.ARM, at_ns=START_NS),)
+    after, decision = decide(State(output_ns=START_NS), healthy(LIMITS, pressed=pressed), LIMITS)
+    assert decision.arm
+    assert after.latch == ""
+    assert not after.armed
+
+
+@pytest.mark.parametrize(
+    ("reported", "asked", "given"),
+    [
+        (20.0, -150.0, -10.0),
+        (20.5, -150.0, 0.0),
+        (-20.5, 150.0, 0.0),
+        (-20.0, 150.0, 10.0),
+        (300.0, 150.0, 10.0),
+        (-300.0, -150.0, -10.0),
+    ],
+)
+def test_the_way_back_opens_when_the_chair_is_reported_to_stand(reported: float, asked: float, given: float) -> None:
+    drive = msgspec.structs.replace(healthy(LIMITS).drive, speed_mm_s=reported)
+    scene = look(healthy(LIMITS, drive=drive), driving(), LIMITS)
+    assert ramp(STILL, Motion(asked, 0.0), 0.02, scene) == Motion(given, 0.0)
+
+
+def test_reset_forgets_what_had_vanished_and_a_press_that_changes_nothing_says_nothing() -> None:
+    near = {FRONT: Near(distance_mm=700, seen_ns=1, gone=True)}
+    pressed = (Pressed(source=PANEL, button=Button.RESET, at_ns=START_NS),)
+    standing = driving(wish=None, near=near)
+    after, decision = decide(standing, healthy(LIMITS, pressed=pressed), LIMITS)
+    assert after.near == {}
+    assert decision.notes == ()
+    assert after.armed
+    assert not decision.hard_stop

@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 
+from chairward.arbiter import decide
+from chairward.components import STILL
 from chairward.envelope import OPEN, meet
 from chairward.facts import MS, Decision, Limits, SourceLimits
 from chairward.messages import Command
@@ -108,6 +110,21 @@ def test_where_the_turn_is_not_wholly_allowed_the_chair_goes_straight() -> None:
     decision = went_past(slow_turns, ahead_mm=740, left_mm=2_000, right_mm=800)
     assert decision.motion.turn_deg_s == 0.0
     assert decision.motion.drive_mm_s > 0.0
+
+
+def test_the_turn_that_is_just_allowed_is_made_whatever_the_other_side_allows() -> None:
+    caps = LIMITS.caps._replace(left_deg_s=8.0, right_deg_s=1.0)
+    assert went_past(replace(LIMITS, caps=caps), ahead_mm=740, left_mm=2_000, right_mm=800).motion == (200.0, 8.0)
+    caps = LIMITS.caps._replace(left_deg_s=1.0, right_deg_s=8.0)
+    assert went_past(replace(LIMITS, caps=caps), ahead_mm=740, left_mm=800, right_mm=2_000).motion == (200.0, -8.0)
+
+
+def test_where_nothing_may_move_ahead_the_chair_is_not_turned_either() -> None:
+    ranges = {
+        FRONT: readings(START_NS, ahead_mm=700, left_mm=2_000, right_mm=800),
+        SECOND: readings(START_NS, ahead_mm=600, left_mm=2_000, right_mm=800),
+    }
+    assert decide(driving(output=STILL), healthy(TWO, ranges=ranges), TWO)[1].motion == STILL
 
 
 @pytest.mark.parametrize(

@@ -208,7 +208,7 @@ def at(*distances: int | None) -> tuple[RangeReading, ...]:
 @pytest.mark.parametrize(("since_ms", "farthest"), [(0, 850), (33, 916), (1_000, 2_850), (-40, 850)])
 def test_what_recedes_comes_no_farther_than_somebody_walks_in_the_time_between(since_ms: int, farthest: int) -> None:
     near = Near(distance_mm=700, seen_ns=OLDEST_NS - since_ms * MS)
-    assert after(near, window=at(farthest, farthest, farthest)) is None
+    assert after(near, window=at(farthest, 4_000, 4_000)) is None
     assert after(near, window=at(farthest + 1, 4_000, 4_000)) == replace(near, gone=True)
     assert after(near, window=at(None, 4_000, 4_000)) == replace(near, gone=True)
 
@@ -240,7 +240,7 @@ def test_what_the_chair_has_done_counts_from_the_newest_near_reading() -> None:
     old = Near(distance_mm=650, seen_ns=1, backed_mm=50.0, turned_deg=0.1, gone=True)
     moving = Motion(-100.0, 5.0)
     for newest in (801, None):
-        kept = after(old, window=at(700, 700, newest), output=moving)
+        kept = after(old, window=at(700, int("700"), newest), output=moving)
         assert kept == Near(distance_mm=700, seen_ns=FAR[1].captured_ns, backed_mm=52.0, turned_deg=0.2)
     for newest in (800, 700, 0):
         fresh = after(old, window=at(790, 790, newest), output=moving)

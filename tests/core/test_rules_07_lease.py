@@ -7,7 +7,7 @@ from dataclasses import replace
 import msgspec
 import pytest
 
-from chairward.components import STILL
+from chairward.components import STILL, Motion
 from chairward.envelope import CLOSED
 from chairward.facts import MS, Limits, S, State
 from chairward.messages import Button, Command
@@ -15,6 +15,7 @@ from chairward.rules import lease
 from chairward.scene import look
 from chairward.testing.cases import stick_command
 from chairward.testing.ride import PANEL, START_NS, TICK_NS, VOICE, Ride, chair_limits, driving, healthy
+from chairward.wishes import lacking, lease_left_s, travel
 
 STICK = "panel/stick"
 
@@ -201,6 +202,52 @@ def test_a_command_that_the_person_does_not_have_is_noted_and_does_nothing() -> 
     assert decision.notes == (f"{VOICE}: 'back' is not one of this person's commands",)
 
 
+@pytest.mark.parametrize(
+    ("word", "output", "reported", "left"),
+    [
+        (Command.LEFT, Motion(300.0, 20.0), None, 5.0),
+        (Command.RIGHT, Motion(300.0, -20.0), None, 5.0),
+        (Command.LEFT, Motion(0.0, 10.0), Motion(0.0, -22.0), 4.0),
+        (Command.BACK, Motion(-10.0, 20.0), None, 10.0),
+        (Command.REVERSE, Motion(-10.0, 0.0), Motion(-12.0, 0.0), 9.0),
+        (Command.FRONT, Motion(300.0, 0.0), None, 0.0),
+    ],
+)
+def test_a_step_is_used_up_by_what_was_commanded_or_reported_whichever_is_more(
+    word: Command, output: Motion, reported: Motion | None, left: float
+) -> None:
+    limits, step = chair_limits(), 0.0 if word is Command.FRONT else 15.0
+    facts = healthy(limits)
+    if reported:
+        told = {"speed_mm_s": reported.drive_mm_s, "turn_deg_s": reported.turn_deg_s}
+        facts = replace(facts, drive=msgspec.structs.replace(facts.drive, **told))
+    state = driving(word, output=output, step_left=step)
+    assert travel(state, facts, limits, 0.5) == replace(state, step_left=left)
+
+
+def test_a_step_ends_exactly_when_it_is_used_up() -> None:
+    limits = chair_limits()
+    state = driving(Command.LEFT, output=Motion(0.0, 20.0), step_left=10.0, base=driving().wish)
+    assert travel(state, healthy(limits), limits, 0.5) == replace(state, wish=state.base, base=None, step_left=0.0)
+    nearly = replace(state, step_left=10.5)
+    assert travel(nearly, healthy(limits), limits, 0.5) == replace(state, step_left=0.5)
+
+
+@pytest.mark.parametrize("which", ["wish", "base"])
+def test_to_the_nanosecond_a_lease_lasts_and_then_everything_that_rests_on_it_is_over(which: str) -> None:
+    limits = chair_limits(lease_s=2.0)
+    word = driving(now_ns=START_NS + 500 * MS).wish
+    assert word is not None
+    over = replace(word, at_ns=START_NS - 2 * S - 1)
+    last = replace(word, at_ns=START_NS - 2 * S)
+    turn = replace(word, command=Command.LEFT)
+    for wish, ends in ((last, False), (over, True)):
+        state = driving(wish=wish) if which == "wish" else driving(wish=turn, base=wish, step_left=9.0)
+        after = travel(state, healthy(limits), limits, 0.0)
+        assert after == (replace(state, wish=None, base=None) if ends else state)
+    assert lease_left_s(driving(wish=last), healthy(limits), limits) == 0.0
+
+
 # ---- held switches, HOLD, sticks -----------------------------------------------------------------------------------
 def hold_down(ride: Ride, command: Command, seconds: float, source: str = PANEL) -> None:
     """A held switch: the same wish again every 100 ms."""
@@ -248,6 +295,24 @@ def test_a_word_does_not_take_over_from_a_held_switch_but_stop_does() -> None:
     ride.tick(Command.BACK)
     assert ride.decisions[-1].motion.drive_mm_s > 0.0
     assert ride.tick(Command.STOP).motion == STILL
+
+
+def test_a_word_of_the_same_source_does_take_over_from_its_held_switch() -> None:
+    ride = armed()
+    hold_down(ride, Command.FRONT, 0.2, source="panel/keys")
+    ride.tick(ride.wish(Command.LEFT, source="/".join(("panel", "keys"))))
+    assert ride.decisions[-1].command is Command.LEFT
+    assert ride.state.base is not None, "it bends the drive"
+
+
+def test_a_held_switch_takes_over_from_a_word_and_from_another_held_switch() -> None:
+    ride = armed()
+    ride.tick(Command.FRONT)
+    hold_down(ride, Command.BACK, 0.2)
+    assert ride.decisions[-1].command is Command.BACK
+    hold_down(ride, Command.LEFT, 0.2, source="other/keys")
+    assert ride.decisions[-1].command is Command.LEFT
+    assert ride.state.step_left == 0.0, "what is held is no step"
 
 
 def test_a_held_turn_during_a_spoken_drive_takes_its_place() -> None:
@@ -314,6 +379,7 @@ def test_hold_during_an_arc_holds_the_drive_under_it() -> None:
         ((1.0, 0.0), (500.0, 0.0)),
         ((0.5, -0.5), (250.0, -10.0)),
         ((-1.0, 0.0), (-150.0, 0.0)),
+        ((-0.5, 0.0), (-75.0, 0.0)),
         ((0.0, 1.0), (0.0, 20.0)),
     ],
 )
@@ -346,6 +412,22 @@ def test_a_stick_does_nothing_for_which_the_person_has_no_command(stick: tuple[f
     assert refused.notes == (f"{STICK}: '{lacks}' is not one of this person's commands",)
 
 
+@pytest.mark.parametrize(
+    ("stick", "needs"),
+    [
+        ((0.5, 0.0), {Command.FRONT}),
+        ((0.0, 0.5), {Command.LEFT}),
+        ((0.0, -0.5), {Command.RIGHT}),
+        ((-0.5, 0.0), {Command.BACK}),
+        ((-0.5, 0.0), {Command.REVERSE}),
+        ((0.5, -0.5), {Command.FRONT, Command.RIGHT}),
+    ],
+)
+def test_a_stick_needs_no_more_commands_than_it_has_directions(stick: tuple[float, float], needs: set[Command]) -> None:
+    wish = Ride().wish(stick_command(*stick), held=True, source=STICK, stick=stick)
+    assert lacking(wish, chair_limits(commands=frozenset(needs))) is None
+
+
 @pytest.mark.parametrize("has", [(), (Command.BACK,), (Command.REVERSE,)])
 def test_a_stick_backs_only_for_a_person_who_may_back_or_reverse(has: tuple[Command, ...]) -> None:
     ride = armed(chair_limits(commands=frozenset({Command.FRONT, *has})))
@@ -372,6 +454,13 @@ def test_a_stick_let_go_stops_at_once_and_a_resting_stick_does_not_end_a_word() 
     assert ride.tick(ride.wish(Command.FRONT, held=True, source=STICK, stick=(0.0, 0.0))).motion == STILL
     ride.tick(Command.FRONT)
     assert ride.tick(ride.wish(Command.FRONT, held=True, source=STICK, stick=(0.0, 0.0))).motion.drive_mm_s > 0.0
+
+
+def test_a_stick_at_rest_ends_its_own_wish_by_name() -> None:
+    ride = armed()
+    ride.tick(ride.wish(Command.FRONT, held=True, source=STICK, stick=(1.0, 0.0)))
+    ride.tick(ride.wish(Command.FRONT, held=True, source="/".join(("panel", "stick")), stick=(0.0, 0.0)))
+    assert ride.state.wish is None
 
 
 def test_a_stick_is_not_bent_into_an_arc_by_a_word_of_its_own_source() -> None:
