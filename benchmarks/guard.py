@@ -18,6 +18,7 @@ import json
 import multiprocessing
 import os
 import platform
+import signal
 import sys
 import tempfile
 import time
@@ -88,8 +89,9 @@ def lateness(records: list[Record], whole: set[int]) -> Row:
 
 
 def ticks(folder: Path, options: argparse.Namespace) -> Iterator[Row]:
-    """Drive for a while."""
-    with running(load(folder), folder / "run") as rig, neighbours(options.neighbours):
+    """A while of ticks, driving or not."""
+    with running(load(folder), folder / "run", until_driving=False) as rig, neighbours(options.neighbours):
+        rig.wait(lambda: bool(rig.records), "the guard", 60.0)
         records, whole = watch(rig, options.seconds)
         yield {"neighbours": options.neighbours, "fifo": bool(rig.supervisor.up and rig.supervisor.up.fifo)} | lateness(
             records, whole
@@ -126,11 +128,23 @@ def zoo(folder: Path, options: argparse.Namespace) -> Iterator[Row]:
     """Beside each animal in turn."""
     import chairward_zoo  # type: ignore[import-not-found]
 
-    for how in sorted(chairward_zoo.WAYS_TO_FAIL):
-        with running(load(folder), folder / f"run-{how}") as rig:
+    with running(load(folder), folder / "run", until_driving=False) as rig:
+        for how in sorted(chairward_zoo.WAYS_TO_FAIL):
+            rig.wait(lambda: sees(rig), "a sensor that sees", 120.0)
             rig.misbehave("front", how)
             records, whole = watch(rig, options.seconds)
+            rig.behave("front")
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(rig.pid("front"), signal.SIGKILL)
+            time.sleep(0.5)
             yield {"animal": how} | lateness(records, whole)
+
+
+def sees(rig: Rig) -> bool:
+    """The sensor's process is well."""
+    facts = rig.records[-1].facts if rig.records else None
+    newest = facts.ranges.get("front/range_citizen", ()) if facts else ()
+    return bool(facts and newest and facts.now_ns - newest[-1].captured_ns < 100_000_000 and not facts.lost)
 
 
 KINDS = {"ticks": ticks, "stops": stops, "zoo": zoo}

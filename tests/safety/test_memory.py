@@ -1,0 +1,79 @@
+"""The guard's own work leaves nothing behind (benchmarks/memory.py watches whole processes for an hour)."""
+
+from __future__ import annotations
+
+import gc
+import sys
+
+from chairward import records
+from chairward.arbiter import decide
+from chairward.border import Border
+from chairward.facts import MS, State
+from chairward.messages import Alive, Command, DriveStatus, Intent, Message, Parcel, RangeReading
+from chairward.plan import LanePlan, Part
+from chairward.testing.ride import START_NS, chair_limits
+from chairward.wire import encode_parcel
+
+LANES = {"front": "range", "voice": "words", "panel": "switch"}
+BLOCKS_ALLOWED = 500
+"""Of the interpreter's memory: free lists and caches move by some."""
+
+
+class Chair:
+    """Border, decision and record of a chair to which everything happens again and again."""
+
+    def __init__(self) -> None:
+        self.limits = chair_limits()
+        plans = {lane: LanePlan(name=lane, source=Part(component=stage)) for lane, stage in LANES.items()}
+        self.border, self.state, self.nth = Border(plans, self.limits), State(latch="", armed=True), 0
+
+    def send(self, lane: str, message: Message) -> None:
+        body = encode_parcel(Parcel(stage=LANES[lane], body=message))
+        self.border.take(lane, body, START_NS + self.nth * 20 * MS)
+
+    def tick(self) -> None:
+        """Readings near and far, words, rubbish, lanes that are lost and come back, a controller that disarms."""
+        self.nth += 1
+        nth, now = self.nth, START_NS + self.nth * 20 * MS
+        self.send("front", RangeReading(seq=nth, captured_ns=now, can_see=nth % 7 > 0, ahead_mm=400 + nth * 37 % 3_000))
+        self.send("voice", Alive(seq=2 * nth, captured_ns=now))
+        self.send("panel", Alive(seq=nth, captured_ns=now))
+        if nth % 50 == 0:
+            self.send("voice", Intent(seq=2 * nth + 1, captured_ns=now, command=Command.FRONT, word=f"word {nth}"))
+        if nth % 31 == 0:
+            self.border.take("front", b"rubbish %d" % nth, now)
+        if nth % 211 == 0:
+            self.border.lane_lost("front", f"its process died for the {nth}th time")
+        if nth % 211 == 20:
+            self.border.lane_attached("front")
+        drive = DriveStatus(at_ns=now, linked=True, armed=nth % 400 > 10)
+        facts = self.border.facts(now, drive, now, 0)
+        before = self.state
+        self.state, decision = decide(before, facts, self.limits)
+        if self.state.latch:
+            self.state = State(latch="", armed=True)
+        records.encode(
+            records.Record(
+                tick=nth,
+                due_ns=now,
+                woke_ns=now,
+                wrote_ns=now,
+                periodic=True,
+                before=before,
+                facts=facts,
+                after=self.state,
+                decision=decision,
+            )
+        )
+
+
+def test_thousands_of_decisions_in_all_kinds_of_trouble_leave_nothing_behind() -> None:
+    chair = Chair()
+    for _ in range(2_000):
+        chair.tick()
+    gc.collect()
+    before = sys.getallocatedblocks()
+    for _ in range(6_000):
+        chair.tick()
+    gc.collect()
+    assert sys.getallocatedblocks() - before < BLOCKS_ALLOWED
