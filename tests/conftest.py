@@ -1,4 +1,9 @@
-"""Shared by all tests: where the recordings are, and that a skip is a failure where everything must run (CI=true)."""
+"""Shared by all tests: where the recordings are, that a skip is a failure where everything must run (CI=true), and how
+laws are tried: judged by what they find, not by how busy the machine is; with CI=true always the same cases, so that
+what lands can be told from what was found by chance.
+
+HYPOTHESIS_PROFILE=quick: few cases, always the same, for benchmarks/mutation.py, which asks only whether a test fails.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +12,18 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, Phase, settings
+
+settings.register_profile("chairward", deadline=None, derandomize=os.environ.get("CI") == "true")
+settings.register_profile(
+    "quick",
+    deadline=None,
+    max_examples=20,
+    derandomize=True,
+    phases=[Phase.explicit, Phase.generate],
+    suppress_health_check=list(HealthCheck),
+)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "chairward"))
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 
