@@ -294,6 +294,7 @@ def copy_tree(to: Path) -> Path:
     """What the tests of the core need."""
     for folder in ("core", "tests/core", "profiles"):
         shutil.copytree(ROOT / folder, to / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "tests" / "conftest.py", to / "tests")
     (to / "pytest.ini").write_text(PYTEST_INI)
     return to
 
@@ -397,7 +398,6 @@ def main() -> None:
     options = parser.parse_args()
     if options.fresh:
         LEDGER.unlink(missing_ok=True)
-    kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else {"modules": {}, "coverage": {}}
     tried = [options.only] if options.only else list(OWN_TESTS)
     with tempfile.TemporaryDirectory(prefix="mutation-") as folder:
         tree = copy_tree(Path(folder) / "whole")
@@ -406,6 +406,7 @@ def main() -> None:
         if options.sample:
             made = [Random(0).sample(found, min(options.sample, len(found))) for found in made]
         said = judge([mutant for found in made for mutant in found], Path(folder), options.processes)
+        kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else {"modules": {}, "coverage": {}}
         covered = kept["coverage"] if options.only or options.sample else coverage(tree)
     found = {module: count(mutants, said) for module, mutants in zip(tried, made, strict=True)}
     everything = {**kept["modules"], **found}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 import re
 from pathlib import Path
 
@@ -14,7 +15,8 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "safety.md").read_text()
 TESTS = sorted(set(re.findall(r"`(tests/[\w/]+\.py)(?:::(\w+))?`", PAGE)))
 CODE = sorted(set(re.findall(r"`([a-z]+(?:\.[a-z_]+)*)\.([A-Za-z_]+)`", PAGE)))
-RESULTS = sorted(set(re.findall(r"`(benchmarks/[\w/]+\.(?:json|py))`", PAGE)))
+RESULTS = sorted(set(re.findall(r"[`/(](benchmarks/[\w/]+\.(?:json|py))[`)#]", PAGE)))
+FIGURES = re.findall(r"\[([\d,.]+)\]\(\.\./(benchmarks/results/\w+\.json)#([\w./]+)\)", PAGE)
 HAZARDS = [line for line in PAGE.splitlines() if re.match(r"\| H\d+ \|", line)]
 CLAUSES = ("7.2", "7.3", "7.4", "8.3", "8.7", "8.9", "8.11.3")
 EIGHT = ("watchdog", "dead-man", "over-current", "SIGKILL", "tilt", "low battery", "CAN fault", "link loss")
@@ -31,6 +33,15 @@ def test_named_evidence_exists(path: str) -> None:
     assert (ROOT / path).is_file()
 
 
+@pytest.mark.parametrize(("figure", "path", "key"), FIGURES, ids=lambda part: part)
+def test_a_quoted_figure_is_the_one_in_its_file(figure: str, path: str, key: str) -> None:
+    found = json.loads((ROOT / path).read_text())
+    for part in key.split("/"):
+        found = found[int(part)] if isinstance(found, list) else found[part]
+    said = figure.replace(",", "")
+    assert float(said) == round(found, len(said.partition(".")[2])), f"docs/safety.md: {path}#{key} is {found}"
+
+
 @pytest.mark.parametrize(("module", "name"), [pair for pair in CODE if pair[1] != "py"], ids=lambda part: part)
 def test_named_code_exists(module: str, name: str) -> None:
     full = module if module.startswith("chairward") else f"chairward.{'testing.' if module == 'laws' else ''}{module}"
@@ -45,10 +56,11 @@ def test_every_rule_answers_a_hazard(rule: object) -> None:
 
 
 @pytest.mark.parametrize("row", HAZARDS, ids=lambda row: row.split("|")[1].strip())
-def test_every_hazard_has_a_requirement_and_a_test(row: str) -> None:
-    _, _, hazard, requirement, kept_by, shown_by, _ = row.split("|")
+def test_every_hazard_has_a_requirement_a_test_and_evidence(row: str) -> None:
+    _, _, hazard, requirement, kept_by, shown_by, evidence, _ = row.split("|")
     assert all(cell.strip() for cell in (hazard, requirement, kept_by))
     assert "`tests/" in shown_by
+    assert "`./run test`" in evidence or "(../benchmarks/results/" in evidence
 
 
 def test_hazards_are_numbered_without_a_hole() -> None:
