@@ -81,7 +81,7 @@ def monitor(
     end = PtyEnd(link.absolute())
     typer.echo(f"give the drive the port {link.absolute()}; Ctrl-C ends", err=True)
     try:
-        with record.open("w", encoding="ascii") if record else contextlib.nullcontext() as file:
+        with record.open("w", buffering=1, encoding="ascii") if record else contextlib.nullcontext() as file:
             relay = Relay(port, end, typer.echo, file)
             while True:
                 relay.wait()
