@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+from chairward.components import Pose
 from chairward_stereo_range import evaluate, figures, manifest, statistics
 from chairward_stereo_range.cli import range_app
+from chairward_stereo_range.finder import Options
 
 COLUMNS = [
     "split", "name", "kind", "left", "right", "gt", "gt_format", "baseline_mm", "focal_px", "doffs",
@@ -101,6 +104,8 @@ def test_the_json_has_every_figure_that_is_judged(small_set: Path) -> None:
     assert made["near_median_mm"] < 12
     assert out["stereo_gt"]["bad1_pct"] < 2
     drive = out["sequence"]
+    assert set(drive["stop_distance_mm"]) >= {"median", "min", "max", "n", "bounds_95"}
+    assert set(drive["bounds_95"]) >= {"false_stops_per_100m", "abs_error_median_mm", "abs_error_p95_mm"}
     assert (drive["approaches"], drive["missed_approaches"], drive["false_stops_per_100m"]) == (1, 0, 0.0)
     assert 500 <= drive["stop_distance_mm"]["median"] <= 620
 
@@ -189,6 +194,70 @@ def test_an_approach_without_a_stop_is_missed() -> None:
     assert figures.drive(frames((650.0, 650.0, True), (580.0, 590.0, True))).stop_at_mm == 580.0
 
 
+def test_a_passage_counts_as_passed_only_when_nothing_stopped_it() -> None:
+    free = frames((inf, 5000.0, True), (900.0, 880.0, True))
+    blind = frames((inf, 5000.0, True), (900.0, 880.0, False))
+    false = frames((inf, 5000.0, True), (900.0, 590.0, True))
+    approach = frames((900.0, 880.0, True), (580.0, 570.0, True))
+    got = figures.sequence([free, blind, false, approach])
+    assert (got["passages"], got["approaches"]) == (3, 1)
+    assert got["passed_without_stop_pct"] == pytest.approx(100 / 3, abs=1e-3)
+
+
+def test_a_stop_is_in_time_while_the_thing_is_still_400_mm_away() -> None:
+    early = frames((650.0, 590.0, True), (500.0, 500.0, True))
+    late = frames((650.0, 640.0, True), (390.0, 390.0, True))
+    assert figures.sequence([early, late])["stopped_in_time_pct"] == 50.0
+
+
+@given(events=st.integers(0, 50), metres=st.floats(1, 5000))
+@settings(max_examples=40, deadline=None)
+def test_stops_by_distance_lie_within_their_bounds(events: int, metres: float) -> None:
+    figure = statistics.per_100(events, metres, 1)
+    assert figure.low is not None
+    assert figure.high is not None
+    assert figure.value == pytest.approx(100 * events / metres)
+    assert 0 <= figure.low <= 100 * events / metres <= figure.high
+
+
+def test_no_stop_in_100_metres_still_allows_nearly_four() -> None:
+    assert statistics.per_100(0, 100.0, 1).high == pytest.approx(3.69, abs=0.01)
+    assert statistics.per_100(0, 0.0, 1).value is None
+
+
+def test_a_mount_is_read_from_the_note() -> None:
+    told = replace(entry(500.0), note={"z_mm": "520", "pitch_deg": "8", "roll_deg": "-1"})
+    assert told.pose == Pose(z_mm=520.0, pitch_deg=8.0, roll_deg=-1.0)
+    assert replace(told, note={"mount": "B"}).pose == Pose(z_mm=700.0, pitch_deg=15.0)
+    assert replace(told, note={}).pose == Pose()
+
+
+def test_a_drive_with_its_truth_in_the_corridor_is_measured_there(tools: Any, tmp_path: Path) -> None:
+    posts = (tools.board(800.0, left_mm=900.0, right_mm=400.0), tools.board(800.0, left_mm=-400.0, right_mm=-900.0))
+    for i in range(6):
+        pair = tools.render(tools.room(posts, driven_mm=33.0 * i, seed=i))
+        for side, picture in zip(("left", "right"), pair, strict=True):
+            cv2.imwrite(str(tmp_path / f"{side}_{i:03d}.png"), picture)
+    (tmp_path / "truth.csv").write_text("\n".join(["frame,mm", *(f"{i},inf" for i in range(6))]), encoding="utf-8")
+    row = replace(
+        entry(inf, "doorway"), kind="sequence", left=tmp_path / "left_%03d.png", right=tmp_path / "right_%03d.png",
+        gt=tmp_path / "truth.csv",
+        note={"obstacle": "doorway", "mount": "A", "fps": "15", "speed_mm_s": "500", "region": "corridor"},
+    )  # fmt: skip
+    [through] = evaluate.run([row], Options(region="trapezoid"), 240).sequences
+    assert all(f.read_mm > 1000 for f in through.frames), "the posts of the door stand beside the way"
+    assert figures.sequence([through])["passed_without_stop_pct"] == 100.0
+
+
+def test_drives_at_hard_things_are_reported_apart() -> None:
+    hard = replace(
+        frames((650.0, 640.0, True), (580.0, 580.0, True)), entry=replace(entry(0.0, "drop"), kind="sequence")
+    )
+    out: Any = figures.summary(evaluate.Results(sequences=[hard]))
+    assert out["sequence"]["approaches"] == 0
+    assert out["hard"]["drop"]["sequence"]["approaches"] == 1
+
+
 @given(n=st.integers(1, 400), data=st.data())
 @settings(max_examples=40, deadline=None)
 def test_rates_lie_within_their_bounds(n: int, data: Any) -> None:
@@ -210,8 +279,6 @@ def test_no_misses_in_58_still_allow_six_per_cent() -> None:
 def test_the_real_drive_is_read_to_a_centimetre(shared: Callable[[str], Path]) -> None:
     path = shared("stereo/manifest.csv")
     [drive] = [e for e in manifest.read(path) if e.kind == "sequence"]
-    from chairward_stereo_range.finder import Options
-
     result = evaluate.run([drive], Options(region="trapezoid"), 240)
     measured = figures.sequence(result.sequences)
     assert measured["abs_error_median_mm"] <= 12.0  # type: ignore[operator]
@@ -221,8 +288,6 @@ def test_the_real_drive_is_read_to_a_centimetre(shared: Callable[[str], Path]) -
 
 @pytest.mark.needs_shared
 def test_no_stop_that_is_due_is_missed_unflagged_on_the_shared_sets(shared: Callable[[str], Path]) -> None:
-    from chairward_stereo_range.finder import Options
-
     for name in ("stereo", "stereo_photoreal"):
         entries = [e for e in manifest.read(shared(f"{name}/manifest.csv")) if e.kind == "synthetic" and not e.hard]
         measured = figures.synthetic(evaluate.run(entries, Options(region="trapezoid"), 240).pairs)
