@@ -103,6 +103,8 @@ def test_a_limit_is_checked_by_the_loader_before_it_is_kept(call: Call, profiles
     assert refused.status_code == 422
     assert "limits.stop_mm = 500" in refused.json()["why"]
     assert call("set", {"person": "demo", "changes": ["limits.stop_mm=700"]}).json()["ok"] is True
+    option = call("set", {"person": "demo", "changes": ["--profiles", "/tmp"], "keep": True})
+    assert option.status_code == 422, "a change is never taken for an option of the command"
     assert file.read_bytes() == before, "only asked whether it would be allowed"
     assert call("set", {"person": "demo", "changes": ["limits.stop_mm=700"], "keep": True}).status_code == 200
     assert tomllib.loads(file.read_text(encoding="utf-8"))["limits"]["stop_mm"] == 700

@@ -60,7 +60,7 @@ class PersonPage:
     async def limits(self, request: Request) -> Response:
         """What a person may set on this chair, the chair's bounds, and the proof of the distances."""
         plan = self._setup.the_plan()
-        person = request.query_params.get("person") or plan.person
+        person = self._setup.known(request.query_params.get("person") or plan.person)
         line = ("profile", "limits", plan.chair_file, person, *self._setup.profiles, "--json")
         return answer(await self._setup.commands.json(*line))
 
@@ -69,8 +69,7 @@ class PersonPage:
         wanted = await asked(request, Set)
         if wanted.keep:
             self._setup.at_rest()
-        line = ["profile", "set", wanted.person, *wanted.changes, *self._setup.profiles, "--json"]
-        done = await self._setup.commands.json(*line, *([] if wanted.keep else ["--try"]))
+        done = await self._setup.set(wanted.person, wanted.changes, keep=wanted.keep)
         return answer(done, 200 if done["ok"] else 422)
 
     async def choose(self, request: Request) -> Response:

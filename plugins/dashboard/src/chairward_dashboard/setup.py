@@ -6,8 +6,10 @@ A word that is said to try it must not move the chair, and what set-up computes 
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from chairward.plan import Plan
 from chairward_dashboard.answers import Refused
@@ -42,6 +44,18 @@ class Setup:
     def profiles(self) -> tuple[str, str]:
         """The option that names the folder of profiles from which this run was started."""
         return "--profiles", str(Path(self.the_plan().person_file).parent.parent)
+
+    def known(self, person: str) -> str:
+        """The name of a person who has a profile; never a path. Raises Refused."""
+        file = Path(self.the_plan().person_file).parent / f"{person}.toml"
+        if Path(person).name != person or not file.is_file():
+            raise Refused(404, f"there is no person '{person}'")
+        return person
+
+    async def set(self, person: str, changes: Sequence[str], *, keep: bool = True) -> dict[str, Any]:
+        """`chairward profile set`; keep False: only whether it would be allowed. Raises Refused, CommandError."""
+        options = (*self.profiles, "--json", *([] if keep else ["--try"]))
+        return dict(await self.commands.json("profile", "set", *options, "--", self.known(person), *changes))
 
     @property
     def environment(self) -> dict[str, str]:

@@ -100,7 +100,7 @@ class WordsPage:
     async def list(self, request: Request) -> Response:
         """Everybody who may drive this chair; the words of one: what they mean, how often and how well recorded."""
         plan = self._setup.the_plan()
-        person = await self._known(request.query_params.get("person") or plan.person)
+        person = self._setup.known(request.query_params.get("person") or plan.person)
         line = ("profile", "people", plan.chair_file, *self._setup.profiles, "--json")
         found, recorded = await asyncio.gather(
             self._setup.commands.json(*line), self.worker.ask({"do": "list", "person": person})
@@ -196,14 +196,14 @@ class WordsPage:
         self._setup.at_rest()
         wanted = await asked(request, Save)
         paths = [str(self._path(name)) for name in wanted.takes]
-        keep = {"do": "save", "person": await self._known(wanted.person), "word": wanted.word, "paths": paths}
+        keep = {"do": "save", "person": self._setup.known(wanted.person), "word": wanted.word, "paths": paths}
         return answer(await self.worker.ask({**keep, "force": wanted.force}))
 
     async def remove(self, request: Request) -> Response:
         """Forget the recordings of a word; what it means stays in the person's profile."""
         self._setup.at_rest()
         wanted = await asked(request, OfPerson)
-        person = await self._known(wanted.person)
+        person = self._setup.known(wanted.person)
         return answer(await self.worker.ask({"do": "remove", "person": person, "word": wanted.word}))
 
     async def try_(self, request: Request) -> Response:
@@ -221,13 +221,6 @@ class WordsPage:
         self._setup.at_rest()
         wanted = await asked(request, OfPerson)
         change = f"words.{wanted.word}={wanted.command}"
-        person = await self._known(wanted.person)
-        done = await self._setup.commands.json("profile", "set", person, change, *self._setup.profiles, "--json")
+        person = self._setup.known(wanted.person)
+        done = await self._setup.set(person, [change])
         return answer(done, 200 if done["ok"] else 422)
-
-    async def _known(self, person: str) -> str:
-        """The name of a person who has a profile. Raises Refused."""
-        folder = Path(self._setup.the_plan().person_file).parent
-        if not (folder / f"{Path(person).name}.toml").is_file() or Path(person).name != person:
-            raise Refused(404, f"there is no person '{person}'")
-        return person
