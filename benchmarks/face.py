@@ -136,7 +136,8 @@ def stops(clicks: int, seconds: float) -> list[int]:
             found.wait(5.0)
             found.set()
             watcher.join()
-            took.append(off_ns[0] + wall_ns - pressed_ns)
+            if off_ns[0] + wall_ns >= pressed_ns:  # else the chair had stopped for another reason before the click
+                took.append(off_ns[0] + wall_ns - pressed_ns)
         browser.close()
     return took
 

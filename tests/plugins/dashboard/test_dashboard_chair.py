@@ -69,25 +69,27 @@ def run(tmp_path: Path) -> Iterator[tuple[str, Callable[[], dict[str, Any]]]]:
         text=True,
         env={**os.environ, "TMPDIR": str(tmp_path)},
     )
-    end = time.monotonic() + 120.0
-    while not (found := list(tmp_path.glob("chairward-*/screen.url"))):
-        assert process.poll() is None, process.communicate()[1]
-        assert time.monotonic() < end, "the screen was not there within 120 s"
-        time.sleep(0.1)
 
     def finish() -> dict[str, Any]:
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=60)
+        out, err = process.communicate(timeout=120)
         assert out, err
         return dict(json.loads(out))
 
-    yield found[0].read_text().strip(), finish
-    if process.poll() is None:
-        process.send_signal(signal.SIGINT)
-        process.communicate(timeout=60)
+    try:
+        end = time.monotonic() + 300.0
+        while not (found := list(tmp_path.glob("chairward-*/screen.url"))):
+            assert process.poll() is None, process.communicate()[1]
+            assert time.monotonic() < end, "the screen was not there within 300 s"
+            time.sleep(0.1)
+        yield found[0].read_text().strip(), finish
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=120)
 
 
-def drive_until(tab: Any, condition: str, within_s: float = 150.0) -> None:
+def drive_until(tab: Any, condition: str, within_s: float = 200.0) -> None:
     """As a person would: reset and arm whenever the page offers it, until a JavaScript expression is true."""
     end = time.monotonic() + within_s
     while not tab.evaluate(condition):
