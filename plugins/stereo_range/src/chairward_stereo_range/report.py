@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from chairward.messages import NOTHING_NEAR_MM
 from chairward.stages import Image
 from chairward_stereo_range import evaluate, figures, panes
 from chairward_stereo_range.evaluate import Gate, PairResult, Results
@@ -17,6 +18,7 @@ from chairward_stereo_range.manifest import Entry
 from chairward_stereo_range.opencv import opencv
 
 STYLE = "body{font:15px sans-serif;margin:2em;max-width:70em}td,th{padding:.2em .8em;text-align:left}img{margin:.2em}"
+FARTHEST_MM = 3000
 
 
 def write_report(
@@ -39,7 +41,7 @@ def write_report(
         f"<p>method {escape(str(summary['method']))}, size {escape(str(summary['size']))}</p>",
         _table(summary),
         "<h2>Error against distance</h2>",
-        _scatter(results.pairs),
+        _scatter(results),
         "<h2>Worst cases</h2>",
         *(_case(case, pictures.get(case.entry.name, "")) for case in cases),
     ]
@@ -67,23 +69,28 @@ def _table(figures: dict[str, Any], depth: int = 2) -> str:
     return (f"<table>{head}{''.join(rows)}</table>" if rows else "") + "".join(below)
 
 
-def _scatter(pairs: list[PairResult]) -> str:
-    """Reading minus truth (mm) against truth (mm), as SVG."""
+def _scatter(results: Results) -> str:
+    """Reading minus truth (mm) against truth (mm), of every pair and every frame of a sequence, as SVG."""
+    seen = [(r.entry.name, r.entry.nearest_mm, r.read_mm, r.can_see) for r in results.pairs]
+    for q in results.sequences:
+        seen += [(f"{q.entry.name} {f.index}", f.truth_mm or np.inf, f.read_mm, f.can_see) for f in q.frames]
     dots = []
-    for r in pairs:
-        truth = r.entry.nearest_mm
-        if not np.isfinite(truth) or truth > 3000 or r.read_mm >= 5000:
+    for name, truth, read, can_see in seen:
+        if truth > FARTHEST_MM or read >= NOTHING_NEAR_MM:
             continue
-        error = float(np.clip(r.read_mm - truth, -300, 300))
-        colour = "#c33" if not r.can_see else "#36c"
-        title = escape(f"{r.entry.name}: truth {truth:.0f}, read {r.read_mm:.0f}")
+        error = float(np.clip(read - truth, -300, 300))
+        colour = "#36c" if can_see else "#c33"
+        title = escape(f"{name}: truth {truth:.0f}, read {read:.0f}")
         dots.append(
-            f'<circle cx="{truth / 4:.1f}" cy="{150 - error / 2:.1f}" r="3" fill="{colour}">'
+            f'<circle cx="{40 + truth / 4:.1f}" cy="{150 - error / 2:.1f}" r="3" fill="{colour}" fill-opacity="0.5">'
             f"<title>{title}</title></circle>"
         )
-    axes = '<path d="M0 150H750M150 0V300" stroke="#999"/><text x="600" y="145">truth, 0..3000 mm</text>'
-    svg = f'<svg width="760" height="310">{axes}{"".join(dots)}</svg>'
-    return svg + "<p>error clipped to +-300 mm; red: said it cannot see</p>"
+    grid = [f'<path d="M{40 + mm / 4} 0V300" stroke="#ddd"/><text x="{25 + mm / 4}" y="315">{mm}</text>'
+            for mm in range(0, FARTHEST_MM + 1, 500)]  # fmt: skip
+    grid += [f'<path d="M40 {150 - mm / 2}H790" stroke="#ddd"/><text x="0" y="{154 - mm / 2}">{mm:+d}</text>'
+             for mm in (-200, -100, 0, 100, 200)]  # fmt: skip
+    svg = f'<svg width="800" height="320" font-size="11">{"".join(grid + dots)}</svg>'
+    return svg + "<p>reading minus truth (clipped to +-300 mm) against truth, mm; red: said it cannot see</p>"
 
 
 def _case(case: PairResult, picture: str) -> str:
