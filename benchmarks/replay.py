@@ -62,7 +62,7 @@ def cut(path: Path, cuts: int, seed: int) -> dict[str, Any]:
         summary = make_reader(file).get_summary()
         assert summary is not None
         ends = [one.chunk_start_offset + one.chunk_length for one in summary.chunk_indexes]
-    counts = [sum(1 for _ in walk(part.frames, topics, RECORDS)) for part in parts(path, 0, len(ends))]
+    counts = [sum(1 for _ in walk(part, topics, RECORDS)) for part in parts(path, 0, len(ends))]
     counts = counts[-len(ends) :]  # what stands before the first chunk holds no records
     before = dict(zip(ends, accumulate(counts), strict=True))
     chance, size = random.Random(seed), path.stat().st_size

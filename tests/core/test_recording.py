@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import msgspec
@@ -48,6 +49,7 @@ def a_plan() -> Plan:
     )
 
 
+@cache
 def some_records(count: int) -> list[Record]:
     state, made = State(latch="", armed=True), []
     for tick in range(count):
@@ -128,7 +130,7 @@ def test_other_limits_would_have_decided_differently_and_replay_says_where(recor
 
 
 def test_a_recorded_minus_zero_is_not_the_zero_that_is_decided(tmp_path: Path) -> None:
-    made = some_records(3)
+    made = list(some_records(3))
     forged = replace(made[1].decision, motion=Motion(-0.0, -0.0))
     found = replay(kept(tmp_path, [made[0], msgspec.structs.replace(made[1], decision=forged), made[2]]), LIMITS)
     assert [d.tick for d in found.differences] == [1]
@@ -136,7 +138,7 @@ def test_a_recorded_minus_zero_is_not_the_zero_that_is_decided(tmp_path: Path) -
 
 
 def test_whole_numbers_where_the_arbiter_was_given_whole_numbers_are_no_difference(tmp_path: Path) -> None:
-    state, facts = State(latch="", armed=True, output=Motion(0, 0)), some_records(1)[0].facts
+    state, facts = State(latch="", armed=True), some_records(1)[0].facts
     facts = replace(facts, drive=msgspec.structs.replace(facts.drive, speed_mm_s=0, turn_deg_s=0))
     after, decision = decide(state, facts, LIMITS)
     made = msgspec.structs.replace(some_records(1)[0], before=state, facts=facts, after=after, decision=decision)
@@ -144,7 +146,7 @@ def test_whole_numbers_where_the_arbiter_was_given_whole_numbers_are_no_differen
 
 
 def test_a_state_that_the_decision_before_did_not_leave_is_told(tmp_path: Path) -> None:
-    made = some_records(4)
+    made = list(some_records(4))
     before = replace(made[2].before, output_ns=made[2].before.output_ns - MS)
     after, decision = decide(before, made[2].facts, LIMITS)
     made[2] = msgspec.structs.replace(made[2], before=before, after=after, decision=decision)
@@ -161,7 +163,7 @@ def test_ticks_that_are_missing_are_counted_and_are_no_difference(tmp_path: Path
 
 
 def test_records_in_a_wrong_order_are_told(tmp_path: Path) -> None:
-    made = some_records(4)
+    made = list(some_records(4))
     found = replay(kept(tmp_path, [made[0], made[2], made[1], made[3]]), LIMITS)
     assert [d.what for d in found.differences] == ["tick 1 comes after tick 2"]
 
@@ -209,7 +211,7 @@ def assert_one_sentence(path: Path) -> None:
     assert result.output.count("\n") == 1
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(share=st.floats(min_value=0.0, max_value=1.0))
 def test_a_file_cut_anywhere_gives_a_beginning_of_what_was_recorded(recording: Path, share: float) -> None:
     data = recording.read_bytes()
@@ -228,7 +230,7 @@ def test_what_was_recorded_a_second_ago_survives_a_power_cut(tmp_path: Path) -> 
     made = some_records(40)
     for record in made:
         recorder.observe(records.encode(record))
-    end = time.monotonic() + 10.0  # a second is what is promised; a busy machine may take longer to wake the thread
+    end = time.monotonic() + 60.0  # a second is what is promised; a busy machine may take longer to wake the thread
     while len(list(read(tmp_path / "r.mcap"))) < len(made) and time.monotonic() < end:
         time.sleep(0.05)
     assert list(read(tmp_path / "r.mcap")) == made, "nothing more came, and still it was written out"

@@ -100,7 +100,7 @@ def replay(path: Path, limits: Limits, cores: int | None = None) -> Replayed:
     bounds = [count * nth // jobs for nth in range(jobs)]
     topics: dict[int, str] = {}
     for part in parts(path, 0, 1):
-        list(walk(part.frames, topics))
+        list(walk(part, topics))
     if jobs == 1:
         runs = [_replay_run(path, limits, topics, 0, None)]
     else:
@@ -115,7 +115,7 @@ def _replay_run(path: Path, limits: Limits, topics: dict[int, str], first: int, 
     """The records of some chunks."""
     run, state, topics = _Run(), State(), dict(topics)
     for part in parts(path, first, last):
-        for entry in walk(part.frames, topics, RECORDS):
+        for entry in walk(part, topics, RECORDS):
             try:
                 record = _record_decoder.decode(entry.data)
                 before = bytes(record.before)

@@ -290,5 +290,7 @@ def _report(result: dict[str, Any]) -> Table:
     for event in result["events"]:
         table.add_row("event", event)
     if result["recording"]:
-        table.add_row("recording", result["recording"])
+        kept = result.get("recorder", {})
+        missed = f", {kept['missed']} missed {kept['trouble']}".rstrip() if kept.get("missed") else ""
+        table.add_row("recording", f"{result['recording']}{missed}")
     return table

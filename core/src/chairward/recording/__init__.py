@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from chairward.recording.read import Cut, Entry, entries, messages, read, read_plan
+from chairward.recording.read import Entry, entries, messages, read, read_plan
 from chairward.recording.topics import LOG, PICTURES, PINS, PLAN, RECORDS, TOPICS
 from chairward.recording.write import Recorder, RecorderSettings
 
@@ -13,7 +13,6 @@ __all__ = [
     "PLAN",
     "RECORDS",
     "TOPICS",
-    "Cut",
     "Entry",
     "Recorder",
     "RecorderSettings",

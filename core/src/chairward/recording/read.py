@@ -40,14 +40,9 @@ class Entry(NamedTuple):
     data: bytes
 
 
-class Cut(NamedTuple):
-    """A run of frames as they stand in the file: one chunk unpacked, or what lies between chunks."""
-
-    frames: bytes
-
-
-def parts(path: Path, first: int = 0, last: int | None = None) -> Iterator[Cut]:
-    """The file's chunks, from the first up to and without the last; of a file that was cut, all before the cut.
+def parts(path: Path, first: int = 0, last: int | None = None) -> Iterator[bytes]:
+    """Frames as they stand in the file: each chunk unpacked (from the first up to and without the last), and what lies
+    between them. Of a file that was cut, all before the cut.
 
     Raises OSError, and McapError for what is no recording.
     """
@@ -68,10 +63,10 @@ def parts(path: Path, first: int = 0, last: int | None = None) -> Iterator[Cut]:
                         unpacked = _unpacked(path, data[start : min(end, size)], length)
                         if unpacked is None:
                             return
-                        yield Cut(unpacked)
+                        yield unpacked
                     nth += 1
                 elif kind in (CHANNEL, MESSAGE) and end <= size:
-                    yield Cut(data[at:end])
+                    yield data[at:end]
                 at = end
 
 
@@ -140,7 +135,7 @@ def entries(path: Path, topic: str | None = None) -> Iterator[Entry]:
     """
     topics: dict[int, str] = {}
     for part in parts(path):
-        yield from walk(part.frames, topics, topic)
+        yield from walk(part, topics, topic)
 
 
 def messages(path: Path, topic: str) -> Iterator[bytes]:
