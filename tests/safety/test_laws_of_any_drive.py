@@ -1,4 +1,4 @@
-"""Both promises as a state machine: whatever people and the world do in whatever order, each decision keeps the laws."""
+"""Both promises as a state machine: whatever people and the world do in whatever order, the laws hold each time."""
 
 from __future__ import annotations
 

@@ -14,9 +14,9 @@ from chairward.messages import Button, Command
 from chairward.scene import reported
 
 TURNS = (Command.LEFT, Command.RIGHT)
-AT_REST = (0.0, 0.0)
 NO_MOTION = (Command.HELP, Command.RESET, Command.CONFIRM)
 """Heard and told, never a wish; what RESET and CONFIRM press is the border's matter."""
+AT_REST = (0.0, 0.0)
 
 
 def travel(state: State, facts: Facts, limits: Limits, dt_s: float) -> State:
