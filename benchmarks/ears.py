@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from chairward_voice_dtw import calibrate, dtw, evaluate
-from chairward_voice_dtw.audio import RATE_HZ
+from chairward_voice_dtw.audio import RATE_HZ, Resampler
 from chairward_voice_dtw.engine import Heard, frame_end_s
 from chairward_voice_dtw.frontend import HOP, features
 from chairward_voice_dtw.segmenter import LISTENERS, Segmenter
@@ -41,17 +41,18 @@ def unit(mel: Floats) -> Floats:
 class RavenLike:
     """Cosine DTW on plain MFCC: on unit vectors the Euclidean distance orders frames as the cosine does."""
 
-    noise_power, in_word, now_s = 0.0, False, 0.0
+    now_s = 0.0
 
     def __init__(self, templates: Sequence[Template], words: Sequence[str]) -> None:
         self._packed, self._lengths = dtw.pack([unit(t.mel) for t in templates])
         self._words = list(words)
-        self._segmenter = Segmenter(STREAM_HZ, (LISTENERS[0],))
+        self._resampler = Resampler(STREAM_HZ)
+        self._segmenter = Segmenter((LISTENERS[0],))
 
     def push(self, samples: Floats) -> list[Heard]:
         """Every ended sound gets the nearest word."""
         out = []
-        for s in self._segmenter.push(samples):
+        for s in self._segmenter.push(self._resampler.push(samples)):
             if s.too_long:
                 continue
             found = dtw.distances(unit(s.mel), self._packed, self._lengths)
@@ -173,6 +174,11 @@ def best_of(work: Callable[[], object], times: int = 20) -> float:
     return min(found)
 
 
+def tell(line: str) -> None:
+    """Progress."""
+    print(line, file=sys.stderr)
+
+
 def main() -> None:
     """See the module's docstring."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -186,7 +192,9 @@ def main() -> None:
     elif options.manifest is None:
         parser.error(f"{options.what} needs a manifest")
     elif options.what == "fit":
-        print(calibrate.fit(options.manifest, lambda line: print(line, file=sys.stderr)))
+        for name in ("PLAIN", "FUSED"):
+            found = calibrate.gather(options.manifest, tell, embedding=name == "FUSED")
+            print(calibrate.table(name, *calibrate.fit(found)))
     else:
         compare(options.manifest, options.placements, options.speakers)
 

@@ -65,13 +65,3 @@ def test_nearest_frames_are_the_nearest() -> None:
     found = dtw.nearest(x, *dtw.pack([y]))[0]
     wanted = np.linalg.norm(x[:, None] - y[None], axis=2).min(axis=1)
     np.testing.assert_allclose(found, wanted, rtol=1e-4)
-
-
-def test_path_shape_sees_a_bad_stretch_and_a_straight_path() -> None:
-    y = made(3, 50)
-    worst, straight = dtw.path_shape(y, y, 0.35, 10)
-    assert worst == pytest.approx(0.0, abs=1e-5)
-    assert straight == 1.0
-    bad = y.copy()
-    bad[20:35] += 5.0
-    assert dtw.path_shape(bad, y, 0.35, 10)[0] > 2.0

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chairward_voice_dtw.audio import RATE_HZ, Resampler, SoundError
-from chairward_voice_dtw.engine import DtwEngine, Engine, Heard, Thresholds
+from chairward_voice_dtw.engine import DtwEngine, Engine, Heard, Thresholds, Voice
 from chairward_voice_dtw.frontend import MelStream
 from chairward_voice_dtw.segmenter import LISTENERS
 from chairward_voice_dtw.stage import EngineMaker
@@ -19,9 +19,10 @@ from chairward_voice_dtw.templates import files_of_folder, from_files
 WORDS = ["left", "stop", "right", "front"]
 
 
-@pytest.fixture(scope="module")
-def maker(word_folder: Path) -> EngineMaker:
-    return EngineMaker(files_of_folder(word_folder), Thresholds(stop_words=frozenset({"stop"})), "default")
+@pytest.fixture(scope="module", params=[True, False], ids=["speech_embedding", "plain"])
+def maker(word_folder: Path, request: pytest.FixtureRequest) -> EngineMaker:
+    thresholds = Thresholds(stop_words=frozenset({"stop"}))
+    return EngineMaker(files_of_folder(word_folder), thresholds, "default", embedding=request.param)
 
 
 def run(engine: Engine, samples, block: int) -> list[Heard]:  # type: ignore[no-untyped-def]
@@ -102,7 +103,7 @@ def test_mel_frames_do_not_depend_on_blocks() -> None:
 @pytest.mark.parametrize("level", [0.003, 0.02, 0.2])
 def test_what_has_begun_ends_within_a_bound(word_folder: Path, level: float) -> None:
     """Talk or a machine that goes on for ever is given up as no word."""
-    engine = DtwEngine(from_files(files_of_folder(word_folder)), Thresholds(), 16_000)
+    engine = DtwEngine(Voice(from_files(files_of_folder(word_folder)), embedding=False), Thresholds(), 16_000)
     rng = np.random.default_rng(2)
     quiet = rng.normal(0.0, 3e-4, 32_000)
     loud = rng.normal(0.0, level, 6 * 16_000) * (1.2 + np.sin(np.arange(6 * 16_000) / 1500.0))

@@ -125,9 +125,7 @@ def blocks(sound: Any) -> Iterator[AudioBlock]:
         yield AudioBlock(samples=sound[at : at + 160], rate_hz=16_000, captured_ns=captured_ns, seq=seq)
 
 
-def test_what_was_heard_last_is_there_for_a_screen(
-    tmp_path: Path, word_folder: Path, sentence_of: Any
-) -> None:
+def test_what_was_heard_last_is_there_for_a_screen(tmp_path: Path, word_folder: Path, sentence_of: Any) -> None:
     context = Context(lane="voice", run_dir=tmp_path, chair_dir=tmp_path, words={"stop": "stop"})
     stage = VoiceStage(VoiceSettings(templates_dir=word_folder), context)
     sound, pane = sentence_of(["left"]), None

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
+if TYPE_CHECKING:
+    from chairward_voice_dtw.store import WordStore
 from chairward_voice_dtw.settings import EngineName, VoiceSettings
 
 words = typer.Typer(help="A person's own words: record, import, list, try, evaluate.", no_args_is_help=True)
@@ -15,6 +17,11 @@ words = typer.Typer(help="A person's own words: record, import, list, try, evalu
 Person = Annotated[str, typer.Option("--person", help="whose words")]
 Folder = Annotated[
     Path | None, typer.Option("--dir", help="folder of the person's recordings (default: the user's data folder)")
+]
+
+WordSet = Annotated[
+    str,
+    typer.Option("--set", help="another set of recordings of the same person: tired, hoarse; empty: the usual voice"),
 ]
 
 
@@ -34,16 +41,18 @@ def fail(error: Exception) -> typer.Exit:
 
 
 @words.command("list")
-def list_words(person: Person, folder: Folder = None) -> None:
-    """The words that are stored, and how far apart they are."""
+def list_words(person: Person, folder: Folder = None, word_set: WordSet = "") -> None:
+    """The words that are stored, how far apart they are, and whether the voice has changed since."""
+    from chairward_voice_dtw import drift
     from chairward_voice_dtw.audio import SoundError
     from chairward_voice_dtw.enrolment import separability
     from chairward_voice_dtw.store import StoreError, WordStore
     from chairward_voice_dtw.templates import from_files
 
     where = person_dir(person, folder)
+    store = WordStore(where, word_set)
     try:
-        files = WordStore(where).files()
+        files = store.files()
         if not files:
             typer.echo(f"{person} has no recorded words yet ({where}); record them with 'chairward words record'")
             return
@@ -54,8 +63,9 @@ def list_words(person: Person, folder: Folder = None) -> None:
         near, ratio = found.nearest[word]
         beside = f"nearest word '{near}', {ratio:.1f} times as far as its own repetitions" if near else "the only word"
         typer.echo(f"{word}: {len(paths)} recording(s), {beside}")
-    for sentence in found.warnings:
-        typer.echo(sentence)
+    for sentence in [*found.warnings, drift.proposal(store.folder)]:
+        if sentence:
+            typer.echo(sentence)
 
 
 @words.command("import")
@@ -65,32 +75,36 @@ def import_words(
     person: Person,
     folder: Folder = None,
     force: Annotated[bool, typer.Option("--force", help="keep recordings that look wrong")] = False,
+    word_set: WordSet = "",
 ) -> None:
     """Make sound files (any rate and width) the recordings of a word; the old ones stay unless all is well."""
     from chairward_voice_dtw.audio import SoundError, read_wav
-    from chairward_voice_dtw.store import StoreError
+    from chairward_voice_dtw.store import StoreError, WordStore
     from chairward_voice_dtw.streams import STREAM_HZ
 
     try:
         recordings = [(str(path), read_wav(path, STREAM_HZ)[0]) for path in files]
-        keep(word, recordings, person_dir(person, folder), person, force=force)
+        keep(word, recordings, WordStore(person_dir(person, folder), word_set), person, force=force)
     except (SoundError, StoreError) as error:
         raise fail(error) from None
 
 
-def keep(word: str, recordings: list[Any], where: Path, person: str, *, force: bool) -> None:
-    """Check repetitions and store them when they are good. Raises SoundError, StoreError."""
+def keep(word: str, recordings: list[Any], store: WordStore, person: str, *, force: bool, trial: Any = None) -> None:
+    """Check repetitions and store them when they are good. Raises SoundError, StoreError.
+
+    trial: one more recording (samples at STREAM_HZ), which the new recordings must recognise among the other words.
+    """
     from chairward_voice_dtw.audio import SoundError
-    from chairward_voice_dtw.enrolment import check, separability
-    from chairward_voice_dtw.store import WordStore
+    from chairward_voice_dtw.enrolment import check, separability, tried
     from chairward_voice_dtw.templates import from_files
 
     problems = check(word, recordings)
+    if not problems and trial is not None:
+        problems += tried(word, recordings, trial, store.files())
     for problem in problems:
         typer.echo(problem, err=True)
     if problems and not force:
         raise SoundError(f"'{word}' was not stored; record the refused repetitions again, or insist with --force")
-    store = WordStore(where)
     store.replace(word, [samples for _, samples in recordings])
     typer.echo(f"stored {len(recordings)} recording(s) of '{word}' for {person} in {store.folder}")
     for sentence in separability(from_files(store.files())).warnings:
@@ -105,18 +119,21 @@ def record(
     times: Annotated[int, typer.Option("--times", min=1, max=10, help="repetitions")] = 4,
     device: Annotated[str, typer.Option("--device", help="part of the input's name; empty: the default")] = "",
     force: Annotated[bool, typer.Option("--force", help="keep recordings that look wrong")] = False,
+    word_set: WordSet = "",
 ) -> None:
-    """Record a word a few times from the microphone, with a level meter, and store it."""
+    """Record a word a few times from the microphone, with a level meter, try it, and store it if it is recognised."""
     from chairward_voice_dtw.audio import SoundError
     from chairward_voice_dtw.recorder import record_once
-    from chairward_voice_dtw.store import StoreError
+    from chairward_voice_dtw.store import StoreError, WordStore
 
     try:
         recordings = []
         for number in range(1, times + 1):
             typer.prompt(f"press Enter, then say '{word}' ({number} of {times})", default="", show_default=False)
             recordings.append((f"repetition {number}", record_once(device)))
-        keep(word, recordings, person_dir(person, folder), person, force=force)
+        typer.prompt(f"now try it: press Enter, then say '{word}' once more", default="", show_default=False)
+        trial, store = record_once(device), WordStore(person_dir(person, folder), word_set)
+        keep(word, recordings, store, person, force=force, trial=trial)
     except (SoundError, StoreError) as error:
         raise fail(error) from None
 
@@ -126,6 +143,7 @@ def try_words(
     files: Annotated[list[Path], typer.Argument(help="sound files to try")],
     person: Person,
     folder: Folder = None,
+    word_set: WordSet = "",
 ) -> None:
     """What would be heard in these sound files, and how surely."""
     from chairward_voice_dtw.audio import SoundError, read_wav
@@ -136,7 +154,7 @@ def try_words(
 
     line = VoiceSettings().threshold
     try:
-        stored = WordStore(person_dir(person, folder)).files()
+        stored = WordStore(person_dir(person, folder), word_set).files()
         if not stored:
             raise SoundError(f"{person} has no recorded words yet; record them with 'chairward words record'")
         matcher = Matcher(from_files(stored))
@@ -210,6 +228,9 @@ def evaluate(
         float, typer.Option("--stop-threshold", help="log-odds the stop word needs")
     ] = VoiceSettings().stop_threshold,
     processes: Annotated[int, typer.Option("--processes", min=0, help="0: up to two")] = 0,
+    embedding: Annotated[
+        bool, typer.Option("--embedding/--no-embedding", help="use the speech embedding where it is installed")
+    ] = True,
     quick: Annotated[bool, typer.Option("--quick", help="one placement, 6 minutes without commands")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="the whole report as JSON")] = False,
 ) -> None:
@@ -235,6 +256,7 @@ def evaluate(
         stop_word=stop_word,
         seed=seed,
         processes=processes,
+        embedding=embedding,
         settings=settings,
     )
     try:
@@ -252,7 +274,7 @@ def table(result: dict[str, Any]) -> list[str]:
     """The report's main figures, a line for each source and SNR."""
     columns: tuple[str, ...] = ("accuracy_pct", "closed_set_accuracy_pct", "stop_recall_pct", "unknown_accepted_pct")
     columns += ("unknown_accepted_at_95_pct", "cut_early_pct", "never_ended_pct", "undetected_pct")
-    lines = []
+    lines = [f"engine {result['engine']}, speech embedding {'used' if result['speech_embedding'] else 'not used'}"]
     for source, cells in result["sources"].items():
         lines.append(f"{source} ({next(iter(cells.values()))['speakers']} speakers)")
         for snr, figures in cells.items():
@@ -269,7 +291,8 @@ def table(result: dict[str, Any]) -> list[str]:
     false = result["false_accepts_per_hour"]
     lines.append(
         f"false accepts an hour ({false['hours']} h): motion {false['motion']['per_hour']} "
-        f"[{false['motion']['low']}..{false['motion']['high']}], stop {false['stop']['per_hour']}"
+        f"[{false['motion']['low']}..{false['motion']['high']}], stop {false['stop']['per_hour']}, "
+        f"motion when armed {false['motion_armed']['per_hour']}"
     )
     lines += [
         f"  at threshold {p['threshold']:+.1f}: accuracy {p['accuracy_pct']['pct']}, "
@@ -277,5 +300,8 @@ def table(result: dict[str, Any]) -> list[str]:
         f"false accepts an hour {p['false_accepts_per_hour']['per_hour']}"
         for p in result["operating_points"]
     ]
-    lines.append(f"CPU: {result['cpu_ms_per_s']} ms per second of sound")
+    lines.append(
+        f"CPU: {result['cpu_ms_per_s']} ms per second of sound; deciding p50/p95 "
+        f"{result['deciding_ms']['p50']}/{result['deciding_ms']['p95']} ms"
+    )
     return lines

@@ -18,10 +18,19 @@ Lengths = npt.NDArray[np.int64]
 
 @jit
 def _distance(x: Floats, y: Floats, band: float) -> float:
-    """One word against one template; both n x d float32. Two columns of memory."""
+    """One word against one template; both n x d float32. Two columns of memory.
+
+    Local costs of a row are summed dimension by dimension over a transposed template, so that the processor works on
+    eight of them at a time; only the last minimum of the recursion has to wait for its neighbour.
+    """
     n, m, d = x.shape[0], y.shape[0], x.shape[1]
     reach = max(band * max(n, m), 2.0)
     slope = m / n
+    across = np.empty((d, m), np.float32)
+    for j in range(m):
+        for k in range(d):
+            across[k, j] = y[j, k]
+    cost = np.empty(m, np.float32)
     before = np.full(m + 1, np.inf, np.float32)
     now = np.full(m + 1, np.inf, np.float32)
     before[0] = 0.0
@@ -29,18 +38,21 @@ def _distance(x: Floats, y: Floats, band: float) -> float:
         centre = (i + 0.5) * slope
         low = max(0, int(centre - reach))
         high = min(m, int(centre + reach) + 1)
-        for j in range(m + 1):
-            now[j] = np.inf
+        cost[low:high] = 0.0
+        for k in range(d):
+            value = x[i, k]
+            row = across[k]
+            for j in range(low, high):
+                step = value - row[j]
+                cost[j] += step * step
+        now[:] = np.inf
         for j in range(low, high):
-            total = np.float32(0.0)
-            for k in range(d):
-                step = x[i, k] - y[j, k]
-                total += step * step
-            cost = np.sqrt(total)
-            best = before[j] + np.float32(2.0) * cost
-            best = min(best, before[j + 1] + cost)
-            best = min(best, now[j] + cost)
-            now[j + 1] = best
+            cost[j] = np.sqrt(cost[j])
+            now[j + 1] = min(before[j] + cost[j] + cost[j], before[j + 1] + cost[j])
+        left = np.float32(np.inf)
+        for j in range(low, high):
+            left = min(now[j + 1], left + cost[j])
+            now[j + 1] = left
         before, now = now, before
     return float(before[m] / (n + m))
 
@@ -115,56 +127,3 @@ def nearest(x: Floats, templates: Floats, lengths: Lengths) -> npt.NDArray[np.fl
             squares = (x * x).sum(1)[:, None] + (t[:k] * t[:k]).sum(1)[None] - 2.0 * (x @ t[:k].T)
             row[:] = np.sqrt(np.maximum(squares.min(axis=1), 0.0))
     return out
-
-
-@jit
-def path_shape(x: Floats, y: Floats, band: float, window: int) -> tuple[float, float]:
-    """Of the best path: the mean local distance in its worst `window` frames of x, and its share of diagonal steps.
-
-    A word that shares half its sounds with another matches well in one half and badly in the other.
-    """
-    n, m, d = x.shape[0], y.shape[0], x.shape[1]
-    cost = np.zeros((n, m), np.float32)
-    total = np.full((n + 1, m + 1), np.inf, np.float32)
-    came = np.zeros((n + 1, m + 1), np.int8)
-    total[0, 0] = 0.0
-    reach = max(band * max(n, m), 2.0)
-    for i in range(n):
-        centre = (i + 0.5) * m / n
-        for j in range(max(0, int(centre - reach)), min(m, int(centre + reach) + 1)):
-            square = np.float32(0.0)
-            for k in range(d):
-                step = x[i, k] - y[j, k]
-                square += step * step
-            here = np.sqrt(square)
-            cost[i, j] = here
-            best, way = total[i, j] + np.float32(2.0) * here, 0
-            if total[i, j + 1] + here < best:
-                best, way = total[i, j + 1] + here, 1
-            if total[i + 1, j] + here < best:
-                best, way = total[i + 1, j] + here, 2
-            total[i + 1, j + 1] = best
-            came[i + 1, j + 1] = way
-    sums = np.zeros(n)
-    counts = np.zeros(n)
-    i, j, steps, straight = n, m, 0, 0
-    while i > 0 and j > 0:
-        sums[i - 1] += cost[i - 1, j - 1]
-        counts[i - 1] += 1.0
-        steps += 1
-        if came[i, j] == 0:
-            i -= 1
-            j -= 1
-            straight += 1
-        elif came[i, j] == 1:
-            i -= 1
-        else:
-            j -= 1
-    width = min(window, n)
-    worst = 0.0
-    for first in range(n - width + 1):
-        mean = 0.0
-        for at in range(first, first + width):
-            mean += sums[at] / max(counts[at], 1.0)
-        worst = max(worst, mean / width)
-    return worst, straight / max(steps, 1)

@@ -9,14 +9,18 @@ from typing import Protocol
 import numpy as np
 
 from chairward_voice_dtw.audio import RATE_HZ, Floats, Resampler
+from chairward_voice_dtw.embedding import network
 from chairward_voice_dtw.frontend import HOP, WINDOW
 from chairward_voice_dtw.matcher import Matcher
 from chairward_voice_dtw.segmenter import LISTENERS, Segment, Segmenter
+from chairward_voice_dtw.spotter import Prints, Spotted, Spotter
 from chairward_voice_dtw.templates import Template
 from chairward_voice_dtw.thesis import RECORDING, Mode, ThesisMatcher
 
 NEVER = -1e9
 """Score of what cannot be a word."""
+SAME_SOUND = 10
+"""Frames by which two words may overlap and still be two sounds: bounds are that sure."""
 LEAST_VOICED = 0.01
 """A sound without one frame that webrtcvad takes for speech moves nothing (0.2 % of real words are such)."""
 
@@ -58,14 +62,6 @@ class Engine(Protocol):
         """Everything that these samples decide."""
 
     @property
-    def noise_power(self) -> float:
-        """Mean band power of the room (0: not known yet)."""
-
-    @property
-    def in_word(self) -> bool:
-        """A possible word is going on."""
-
-    @property
     def now_s(self) -> float:
         """Seconds of sound that have been looked at."""
 
@@ -75,40 +71,56 @@ def frame_end_s(frame: int) -> float:
     return (frame * HOP + WINDOW) / RATE_HZ
 
 
-class DtwEngine:
-    """The default: noise-following endpointer, templates moved into the room's noise, DTW, one fused score."""
+class Voice:
+    """A person's templates made ready, once, for as many engines as are needed. embedding: use it where installed."""
 
-    def __init__(self, templates: Sequence[Template], thresholds: Thresholds, rate_hz: int) -> None:
-        self._matcher = Matcher(templates)
+    def __init__(self, templates: Sequence[Template], *, embedding: bool = True) -> None:
+        self.matcher = Matcher(templates)
+        model = network() if embedding else None
+        self.prints = None if model is None else Prints(model, templates, self.matcher.words)
+
+
+class DtwEngine:
+    """The default: words are offered by likeness of embeddings (where installed) or by endpointers that follow the
+    noise; templates moved into the room's noise, DTW, one fused score."""
+
+    def __init__(self, voice: Voice, thresholds: Thresholds, rate_hz: int) -> None:
+        self._matcher = voice.matcher
         self._thresholds = thresholds
+        self._resampler = Resampler(rate_hz)
+        self._spotter = None if voice.prints is None else Spotter(voice.prints)
         longest = max(150, int(1.6 * self._matcher.longest))
-        self._segmenter = Segmenter(rate_hz, tuple(replace(p, longest=longest) for p in LISTENERS))
+        self._segmenter = Segmenter(() if self._spotter else tuple(replace(p, longest=longest) for p in LISTENERS))
         self._taken_until = -1
         self._taken_word = ""
 
     def push(self, samples: Floats) -> list[Heard]:
         """Everything that these samples decide."""
-        return [self._heard(s) for s in self._segmenter.push(samples)]
+        return [self._heard(segment, spotted) for segment, spotted in self.offers(samples)]
 
-    def _heard(self, segment: Segment) -> Heard:
-        if segment.too_long:
-            return Heard(
-                word="",
-                score=NEVER,
-                accepted=False,
-                onset_s=segment.first * HOP / RATE_HZ,
-                end_s=frame_end_s(segment.last),
-                decided_s=frame_end_s(segment.decided),
-            )
-        verdict = self._matcher.judge(segment)
-        accepted = verdict.score >= self._thresholds.of(verdict.word) and not self._taken(segment, verdict.word)
-        if segment.voiced < LEAST_VOICED and verdict.word not in self._thresholds.stop_words:
-            accepted = False
+    def offers(self, samples: Floats) -> list[tuple[Segment, Spotted | None]]:
+        """The stretches that may be words."""
+        samples = self._resampler.push(samples)
+        segments = self._segmenter.push(samples)
+        if self._spotter is None:
+            return [(segment, None) for segment in segments]
+        spotted = self._spotter.push(samples)
+        cuts = [(self._segmenter.cut(s.first, s.last, s.known), s) for s in spotted]
+        return [(segment, s) for segment, s in cuts if segment is not None]
+
+    def _heard(self, segment: Segment, spotted: Spotted | None) -> Heard:
+        word, score, accepted = "", NEVER, False
+        if not segment.too_long:
+            verdict = self._matcher.judge(segment, spotted)
+            word, score = verdict.word, verdict.score
+            stop = word in self._thresholds.stop_words
+            speech = stop or segment.voiced >= LEAST_VOICED
+            accepted = speech and score >= self._thresholds.of(word) and not self._taken(segment, word)
         if accepted:
-            self._taken_until, self._taken_word = segment.decided, verdict.word
+            self._taken_until, self._taken_word = segment.last - SAME_SOUND, word
         return Heard(
-            word=verdict.word,
-            score=verdict.score,
+            word=word,
+            score=score,
             accepted=accepted,
             onset_s=segment.first * HOP / RATE_HZ,
             end_s=frame_end_s(segment.last),
@@ -116,20 +128,10 @@ class DtwEngine:
         )
 
     def _taken(self, segment: Segment, word: str) -> bool:
-        """This sound has already given a word (by another listener); only a stop may still come out of it."""
+        """This sound has already given a word; only a stop may still come out of it."""
         if segment.first > self._taken_until:
             return False
         return word not in self._thresholds.stop_words or word == self._taken_word
-
-    @property
-    def noise_power(self) -> float:
-        """Mean band power of the room."""
-        return float(self._segmenter.noise.mean())
-
-    @property
-    def in_word(self) -> bool:
-        """A possible word is going on."""
-        return self._segmenter.in_word
 
     @property
     def now_s(self) -> float:
@@ -145,7 +147,7 @@ class ThesisEngine:
     def __init__(self, recordings: Mapping[str, Floats], stop_word: str, mode: Mode, rate_hz: int) -> None:
         self._matcher = ThesisMatcher(dict(recordings), stop_word, mode)
         self._resampler = Resampler(rate_hz)
-        self._segmenter = Segmenter(RATE_HZ, (LISTENERS[0],))
+        self._segmenter = Segmenter((LISTENERS[0],))
         self._sound = np.zeros(0, np.float32)
         self._sound_from = 0
         self._busy_until = 0
@@ -181,16 +183,6 @@ class ThesisEngine:
         drop = max(0, len(self._sound) - 4 * RECORDING)
         self._sound, self._sound_from = self._sound[drop:], self._sound_from + drop
         return heard
-
-    @property
-    def noise_power(self) -> float:
-        """Mean band power of the room."""
-        return float(self._segmenter.noise.mean())
-
-    @property
-    def in_word(self) -> bool:
-        """A possible word is going on."""
-        return self._segmenter.in_word
 
     @property
     def now_s(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -11,8 +12,9 @@ import numpy.typing as npt
 from chairward_voice_dtw import dtw
 from chairward_voice_dtw.audio import Floats, SoundError
 from chairward_voice_dtw.frontend import features, subtract
+from chairward_voice_dtw.matcher import Matcher
 from chairward_voice_dtw.streams import STREAM_HZ, active_rms, frame_rms
-from chairward_voice_dtw.templates import Template, make_template
+from chairward_voice_dtw.templates import Template, cut_out, from_files, make_template
 
 FEWEST, MOST = 3, 5
 QUIET_DBFS = -50.0
@@ -68,6 +70,21 @@ def check(word: str, recordings: Sequence[tuple[str, Floats]]) -> list[str]:
                     f"({to_others[i] / usual:.1f} times as far apart as they are): record it again"
                 )
     return problems
+
+
+def tried(
+    word: str, recordings: Sequence[tuple[str, Floats]], trial: Floats, others: Mapping[str, Sequence[Path]]
+) -> list[str]:
+    """A sentence if the new recordings of a word, among the person's other words, do not recognise one more take."""
+    kept = {name: paths for name, paths in others.items() if name != word}
+    templates = [*from_files(kept), *(make_template(word, samples, name) for name, samples in recordings)]
+    segment = cut_out(trial)
+    if segment is None:
+        return [f"'{word}', tried once more: no word stands out of the background"]
+    verdict = Matcher(templates).judge(segment)
+    if verdict.word != word:
+        return [f"'{word}', tried once more, was taken for '{verdict.word}': record it again, or choose another word"]
+    return []
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from chairward_voice_dtw.audio import Floats, SoundError
+from chairward_voice_dtw.embedding import network
 from chairward_voice_dtw.engine import NEVER, Engine, Heard, Thresholds
 from chairward_voice_dtw.figures import accepted_at, equal_error_rate_pct, percentiles, rate_per_hour, share
 from chairward_voice_dtw.settings import EngineName, VoiceSettings
@@ -24,12 +25,16 @@ from chairward_voice_dtw.streams import STREAM_HZ, Placed, Row, babble, by_role,
 
 BLOCK = STREAM_HZ // 10
 LINES = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
+ARM_EVERY_S = 180.0
 Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """What to evaluate; snrs in dB, None for clean. hours: of sound without commands, over all speakers."""
+    """What to evaluate; snrs in dB, None for clean. hours: of sound without commands, over all speakers.
+
+    embedding: use the speech embedding where it is installed.
+    """
 
     manifest: Path
     templates: int = 3
@@ -40,6 +45,7 @@ class Plan:
     stop_word: str = "stop"
     seed: int = 1
     processes: int = 0
+    embedding: bool = True
     settings: VoiceSettings = field(default_factory=VoiceSettings)
 
 
@@ -70,7 +76,8 @@ def speakers_of(rows: Sequence[Row]) -> list[str]:
     return list(dict.fromkeys(r.speaker for r in rows if r.role == "test" and r.speaker in templates))
 
 
-def _engine(plan: Plan, speaker: str) -> Engine:
+@lru_cache(maxsize=4)
+def _maker(plan: Plan, speaker: str) -> EngineMaker:
     files: dict[str, list[Path]] = {}
     for row in by_role(_rows(plan.manifest), speaker)["template"]:
         if len(files.setdefault(row.word, [])) < plan.templates:
@@ -78,7 +85,11 @@ def _engine(plan: Plan, speaker: str) -> Engine:
     thresholds = Thresholds(
         word=plan.settings.threshold, stop=plan.settings.stop_threshold, stop_words=frozenset({plan.stop_word})
     )
-    return EngineMaker(files, thresholds, plan.engine).make(STREAM_HZ)
+    return EngineMaker(files, thresholds, plan.engine, embedding=plan.embedding)
+
+
+def _engine(plan: Plan, speaker: str) -> Engine:
+    return _maker(plan, speaker).make(STREAM_HZ)
 
 
 def listen(engine: Engine, samples: Floats, block: int = BLOCK) -> list[Heard]:
@@ -124,21 +135,28 @@ def false_accepts(plan: Plan, speaker: str, seconds: float) -> tuple[float, list
     return seconds / 3600.0, found
 
 
-def cpu_ms_per_s(plan: Plan, speaker: str) -> float:
-    """Processor time of the whole path for a second of sound in blocks of 10 ms, on a stream full of words."""
+def computing(plan: Plan, speaker: str) -> tuple[float, list[float]]:
+    """Of the whole path on a stream full of words in blocks of 10 ms: processor time for a second of sound, and of each
+    block with which something was decided, ms."""
     roles = by_role(_rows(plan.manifest), speaker)
     utterances = [(row, _sound(row.path)) for row in roles["test"]]
     stream = embed(utterances, _noises(plan), 20.0, np.random.default_rng(plan.seed))
     engine = _engine(plan, speaker)
     listen(engine, stream.samples[: 2 * STREAM_HZ], STREAM_HZ // 100)
-    began = time.process_time()
-    listen(engine, stream.samples, STREAM_HZ // 100)
-    return (time.process_time() - began) * 1e3 / (len(stream.samples) / STREAM_HZ)
+    total, deciding = 0.0, []
+    for at in range(0, len(stream.samples), STREAM_HZ // 100):
+        began = time.process_time()
+        heard = engine.push(stream.samples[at : at + STREAM_HZ // 100])
+        took = (time.process_time() - began) * 1e3
+        total += took
+        if heard:
+            deciding.append(took)
+    return total / (len(stream.samples) / STREAM_HZ), deciding
 
 
 def _job(job: tuple[Any, ...]) -> Any:
     kind, *arguments = job
-    work: dict[str, Callable[..., Any]] = {"trials": trials, "false": false_accepts, "cpu": cpu_ms_per_s}
+    work: dict[str, Callable[..., Any]] = {"trials": trials, "false": false_accepts}
     return work[kind](*arguments)
 
 
@@ -151,7 +169,7 @@ def evaluate(plan: Plan, say: Say) -> dict[str, Any]:
     if any(snr is not None for snr in plan.snrs) and not any(row.role == "noise" for row in rows):
         raise SoundError(f"{plan.manifest}: has no noise rows; evaluate with --snr clean, or add some")
     jobs: list[tuple[Any, ...]] = [
-        ("trials", plan, speaker, snr, p) for snr in plan.snrs for speaker in speakers for p in range(plan.placements)
+        ("trials", plan, speaker, snr, p) for speaker in speakers for snr in plan.snrs for p in range(plan.placements)
     ]
     if plan.hours > 0.0:
         jobs += [("false", plan, speaker, plan.hours * 3600.0 / len(speakers)) for speaker in speakers]
@@ -166,8 +184,7 @@ def evaluate(plan: Plan, say: Say) -> dict[str, Any]:
             strange.append(result[1])
         if number % 20 == 0 or number == len(jobs):
             say(f"{number} of {len(jobs)} streams, {time.monotonic() - began:.0f} s")
-    cpu = [cpu_ms_per_s(plan, speaker) for speaker in speakers[:3]]
-    return report(plan, found, hours, strange, float(np.median(cpu)))
+    return report(plan, found, hours, strange, [computing(plan, speaker) for speaker in speakers[:3]])
 
 
 def _run(jobs: Sequence[tuple[Any, ...]], processes: int) -> Iterator[tuple[tuple[Any, ...], Any]]:
@@ -197,7 +214,10 @@ def cell(found: Sequence[Trial], stop_word: str) -> dict[str, Any]:
     stops = [t for t in known if t.placed.word == stop_word]
     right = [(t, next(h for h in t.heard if h.accepted)) for t in known if correct(t)]
     closed = [max(t.heard, key=lambda h: h.score).word == t.placed.word for t in known if t.heard]
-    last = [(t, max(h.decided_s for h in t.heard)) for t in known if any(h.word for h in t.heard)]
+    # the hypothesis that decides: the accepted one, else the best
+    deciding = [(t, max(t.heard, key=lambda h: (h.accepted, h.score))) for t in known if any(h.word for h in t.heard)]
+    delays_ms = [1e3 * (h.decided_s - t.placed.end_s) for t, h in deciding]
+    early = [(t, h) for t, h in deciding if h.decided_s < t.placed.end_s]
     known_scores = [known_score(t) for t in known]
     unknown_scores = [max((h.score for h in t.heard), default=NEVER) for t in unknown]
     accepted = [any(h.accepted for h in t.heard) for t in unknown]
@@ -218,11 +238,21 @@ def cell(found: Sequence[Trial], stop_word: str) -> dict[str, Any]:
             [1e3 * (h.decided_s - t.placed.onset_s) for t, h in right if t.placed.word == stop_word], 50, 95
         ),
         "end_to_intent_ms": percentiles([1e3 * (h.decided_s - t.placed.end_s) for t, h in right], 50, 95),
-        "endpoint_delay_ms": percentiles([1e3 * (d - t.placed.end_s) for t, d in last if d >= t.placed.end_s], 50, 95),
-        "cut_early_pct": share(sum(d < t.placed.end_s for t, d in last), len(known)),
+        "endpoint_delay_ms": percentiles([delay for delay in delays_ms if delay >= 0.0], 50, 95),
+        "cut_early_pct": share(len(early), len(known)),
+        "cut_early_and_not_right_pct": share(sum(not correct(t) for t, _ in early), len(known)),
         "never_ended_pct": share(sum(bool(t.heard) and not any(h.word for h in t.heard) for t in known), len(known)),
         "undetected_pct": share(sum(not t.heard for t in known), len(known)),
     }
+
+
+def armed_accepts(strange: Sequence[Sequence[Heard]], plan: Plan) -> int:
+    """Motion words that were wrongly accepted while a listener that a switch opens now and then was open."""
+    return sum(
+        h.accepted and h.word != plan.stop_word and h.end_s % ARM_EVERY_S < plan.settings.armed_s
+        for stream in strange
+        for h in stream
+    )
 
 
 def operating_point(
@@ -249,7 +279,11 @@ def operating_point(
 
 
 def report(
-    plan: Plan, found: Sequence[Trial], hours: float, strange: Sequence[Sequence[Heard]], cpu: float
+    plan: Plan,
+    found: Sequence[Trial],
+    hours: float,
+    strange: Sequence[Sequence[Heard]],
+    measured: Sequence[tuple[float, list[float]]],
 ) -> dict[str, Any]:
     """Everything together."""
     accepted = [h.word for stream in strange for h in stream if h.accepted]
@@ -266,6 +300,7 @@ def report(
     return {
         "manifest": str(plan.manifest),
         "engine": plan.engine,
+        "speech_embedding": plan.engine == "default" and plan.embedding and network() is not None,
         "templates": plan.templates,
         "placements": plan.placements,
         "seed": plan.seed,
@@ -276,7 +311,10 @@ def report(
             "hours": round(hours, 3),
             "motion": rate_per_hour(len(accepted) - stops, hours),
             "stop": rate_per_hour(stops, hours),
+            "motion_armed": rate_per_hour(armed_accepts(strange, plan), hours),
+            "motion_armed_note": f"open for {plan.settings.armed_s:g} s every {ARM_EVERY_S:g} s, as if by a switch",
         },
         "operating_points": [operating_point(found, hours, strange, line) for line in LINES],
-        "cpu_ms_per_s": round(cpu, 2),
+        "cpu_ms_per_s": round(float(np.median([cpu for cpu, _ in measured])), 2),
+        "deciding_ms": percentiles([ms for _, each in measured for ms in each], 50, 95),
     }

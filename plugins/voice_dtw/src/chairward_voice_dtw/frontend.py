@@ -59,32 +59,40 @@ def band_power(power: Floats, filters: Floats, out: Floats) -> None:
 
 
 class MelStream:
-    """Frame t covers samples HOP*t .. HOP*t+WINDOW of the stream and comes out as soon as the last of them is in."""
+    """Frame t covers samples HOP*t .. HOP*t+WINDOW of the stream and comes out as soon as the last of them is in.
 
-    def __init__(self) -> None:
+    window: WINDOW weights (Hamming by default). filters: bands x (FFT/2+1) (`mel_filters` by default).
+    """
+
+    def __init__(
+        self, *, window: Floats | None = None, filters: Floats | None = None, pre_emphasis: float = PRE_EMPHASIS
+    ) -> None:
         self._rest = np.zeros(0, np.float32)
         self._last = np.float32(0.0)
-        self._window = np.hamming(WINDOW).astype(np.float32)
+        self._window = np.hamming(WINDOW).astype(np.float32) if window is None else window
+        self._filters = mel_filters() if filters is None else filters
+        self._pre_emphasis = np.float32(pre_emphasis)
 
     def push(self, samples: Floats) -> Floats:
-        """New frames, n x BANDS power (float32)."""
+        """New frames, n x bands power (float32)."""
+        bands = len(self._filters)
         if len(samples):
             emphasised = samples.astype(np.float32)
-            emphasised[1:] -= np.float32(PRE_EMPHASIS) * samples[:-1]
-            emphasised[0] -= np.float32(PRE_EMPHASIS) * self._last
+            emphasised[1:] -= self._pre_emphasis * samples[:-1]
+            emphasised[0] -= self._pre_emphasis * self._last
             self._last = np.float32(samples[-1])
             self._rest = np.concatenate([self._rest, emphasised])
         count = (len(self._rest) - WINDOW) // HOP + 1
         if count <= 0:
-            return np.zeros((0, BANDS), np.float32)
+            return np.zeros((0, bands), np.float32)
         frames = np.empty((count, WINDOW), np.float32)
         for t in range(count):
             np.multiply(self._rest[t * HOP : t * HOP + WINDOW], self._window, out=frames[t])
         self._rest = self._rest[count * HOP :]
         spectrum = np.fft.rfft(frames, FFT, axis=1)
         power = np.ascontiguousarray(spectrum.real**2 + spectrum.imag**2, np.float32)
-        out = np.empty((count, BANDS), np.float32)
-        band_power(power, mel_filters(), out)
+        out = np.empty((count, bands), np.float32)
+        band_power(power, self._filters, out)
         return out
 
 

@@ -10,6 +10,7 @@ from chairward_voice_dtw.audio import Floats
 
 SILENT_DBFS = -90.0
 CLIP = 0.985
+SHOUT_TENTHS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,9 +27,11 @@ class Health:
 class LevelMeter:
     """Feed it every block; `health` tells the last 100 ms, and what has been wrong for a second."""
 
-    def __init__(self, rate_hz: int, *, loudest_noise_dbfs: float = -20.0) -> None:
+    def __init__(self, rate_hz: int, *, loudest_noise_dbfs: float = -20.0, shout_dbfs: float = 0.0) -> None:
         self._rate = rate_hz
         self._loudest_noise_dbfs = loudest_noise_dbfs
+        self._shout_dbfs = shout_dbfs
+        self._loud_tenths = 0
         self._tenth: list[Floats] = []
         self._size = 0
         self._tenths: list[tuple[float, float, float]] = []
@@ -48,9 +51,16 @@ class LevelMeter:
     def _close_tenth(self, x: Floats) -> None:
         alternating = float(np.sqrt(np.mean((x - x.mean()) ** 2)))
         self._level_dbfs = max(-120.0, 20.0 * float(np.log10(alternating + 1e-6)))
+        shouted = self._shout_dbfs < 0.0 and self._level_dbfs >= self._shout_dbfs
+        self._loud_tenths = self._loud_tenths + 1 if shouted else 0
         clipped = float(np.mean(np.abs(x) >= CLIP))
         self._tenths.append((self._level_dbfs, clipped, float(np.ptp(x))))
         del self._tenths[:-50]
+
+    @property
+    def shout(self) -> bool:
+        """For SHOUT_TENTHS whole tenths of a second the sound has been as loud as a shout."""
+        return self._loud_tenths >= SHOUT_TENTHS
 
     def health(self) -> Health:
         """As of the last whole tenth of a second. Noise: the quietest fifth of the last five seconds."""

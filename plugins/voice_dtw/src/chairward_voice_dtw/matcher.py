@@ -2,7 +2,8 @@
 
 The templates are moved into the room of the segment (its noise added at the segment's level: parallel model
 combination, Gales & Young 1996, here on mel power), so that both sides of the comparison are equally noisy.
-One fused score: log-odds by logistic regression on distance ratios, fitted on development speakers (calibration.py).
+One fused score: log-odds by logistic regression on distance ratios and, where the speech embedding is installed, on
+likenesses of prints (`spotter`), fitted on development speakers (calibration.py).
 """
 
 from __future__ import annotations
@@ -16,23 +17,38 @@ import numpy.typing as npt
 from chairward_voice_dtw import calibration, dtw
 from chairward_voice_dtw.frontend import features, moved_features, subtract
 from chairward_voice_dtw.segmenter import Segment
+from chairward_voice_dtw.spotter import Spotted
 from chairward_voice_dtw.templates import Template
 
-WORST_FRAMES = 15
 LIMIT = 3.0
+FARTHEST = 1e3
+# what a word is chosen by: log distance in the room's noise, log distance with the noise taken off, likeness of prints
+CHOOSE = (6.0, 3.0, 4.0)
+
+Numbers = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measures:
+    """What was measured of one segment. moved, backwards, freed: distance to each template in the room's noise, of the
+    reversed segment, and with the noise taken off. free: mean distance of a frame to each template's nearest frame.
+    """
+
+    segment: Segment
+    spotted: Spotted | None
+    moved: Numbers
+    backwards: Numbers
+    freed: Numbers
+    free: npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """word: the nearest. score: log-odds that it was said. evidence: by `calibration.EVIDENCE`.
-
-    distances: the best of each word, by `Matcher.words`.
-    """
+    """word: the nearest. score: log-odds that it was said. evidence: by `calibration.EVIDENCE`."""
 
     word: str
     score: float
-    distances: npt.NDArray[np.float64]
-    evidence: npt.NDArray[np.float64]
+    evidence: Numbers
 
 
 class Matcher:
@@ -44,14 +60,15 @@ class Matcher:
         clean = [np.ascontiguousarray(subtract(t.mel, t.noise, keep=0.02)) for t in templates]
         self._clean, self._lengths = dtw.pack(clean)
         self._level = np.array([max(float(np.percentile(c.sum(axis=1), 80)), 1e-9) for c in clean])
-        packed, lengths = dtw.pack([features(c) for c in clean])
-        self._quiet = packed
-        table = np.array([dtw.distances(packed[i, : lengths[i]], packed, lengths) for i in range(len(clean))])
-        table = np.minimum(table, 1e3)
-        self._own, self._between = self._spreads(table)
+        self._quiet, _ = dtw.pack([features(c) for c in clean])
+        table = np.array([dtw.distances(q[:n], self._quiet, self._lengths) for q, n in self._each()])
+        self._own, self._between = self._spreads(np.minimum(table, FARTHEST))
         self.longest = int(self._lengths.max(initial=60))
 
-    def _spreads(self, table: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    def _each(self) -> list[tuple[npt.NDArray[np.float32], int]]:
+        return [(np.ascontiguousarray(q), int(n)) for q, n in zip(self._quiet, self._lengths, strict=True)]
+
+    def _spreads(self, table: Numbers) -> tuple[Numbers, Numbers]:
         """Per word: the mean distance between its own repetitions, and the median distance to other words'."""
         own, between = np.ones(len(self.words)), np.ones(len(self.words))
         for w in range(len(self.words)):
@@ -66,57 +83,72 @@ class Matcher:
                 own[w] = 0.6 * between[w]
         return np.maximum(own, 1e-6), np.maximum(between, 1e-6)
 
-    def judge(self, segment: Segment) -> Verdict:
+    def judge(self, segment: Segment, spotted: Spotted | None = None) -> Verdict:
         """Compare one segment with every template."""
+        return self.weigh(self.measure(segment, spotted))
+
+    def measure(self, segment: Segment, spotted: Spotted | None = None) -> Measures:
+        """The distances of one segment to every template."""
         mel, noise = np.ascontiguousarray(segment.mel), segment.noise
         room = float(noise.sum())
         level = max(float(np.percentile(mel.sum(axis=1), 80)) - room, 0.05 * room)
         moved = moved_features(self._clean, self._lengths, level / self._level, noise)
         x = features(mel)
-        every = np.minimum(dtw.distances(x, moved, self._lengths), 1e3)
-        backwards = np.minimum(dtw.distances(np.ascontiguousarray(x[::-1]), moved, self._lengths), 1e3)
-        by_word = np.array([every[self._word_of == w].min() for w in range(len(self.words))])
-        order = np.argsort(by_word, kind="stable")
-        best = int(order[0])
-        mine = np.flatnonzero(self._word_of == best)
-        template = int(mine[np.argmin(every[mine])])
-        near = dtw.nearest(x, moved, self._lengths)
-        d1 = max(float(by_word[best]), 1e-6)
-        d2 = float(by_word[order[1]]) if len(order) > 1 else 1.5 * d1
-        elsewhere = near[self._word_of != best]
-        free_own = float(near[mine].min(axis=0).mean())
-        free_others = float(elsewhere.min(axis=0).mean()) if len(elsewhere) else 1.2 * free_own
-        freed = np.minimum(dtw.distances(features(subtract(mel, noise)), self._quiet, self._lengths), 1e3)
-        freed_by_word = np.array([freed[self._word_of == w].min() for w in range(len(self.words))])
-        # capped at 1.5 times the best: beyond that, farther means nothing more
-        freed_others = np.delete(freed_by_word, best).min(initial=1.5 * freed_by_word[best])
-        worst, straight = dtw.path_shape(x, moved[template, : self._lengths[template]], dtw.BAND, WORST_FRAMES)
-        ratios = np.log(
-            np.maximum(
-                [
-                    d1 / self._own[best],
-                    d1 / max(d2, 1e-6),
-                    d1 / max(float(near.min(axis=0).mean()), 1e-6),
-                    d1 / float(by_word.mean()),
-                    worst / d1,
-                    float(every[mine].mean()) / self._own[best],
-                    free_own / max(free_others, 1e-6),
-                    d1 / self._between[best],
-                    float(backwards.min()) / d1,
-                    d1,
-                    float(freed_by_word[best]) / self._own[best],
-                    float(freed_by_word[best]) / max(float(freed_others), 1e-6),
-                    float(freed_by_word[best]) / self._between[best],
-                    float(every.min()) / max(float(np.median(every)), 1e-6),
-                ],
-                1e-9,
-            )
+        return Measures(
+            segment=segment,
+            spotted=spotted,
+            moved=self._distances(x, moved),
+            backwards=self._distances(np.ascontiguousarray(x[::-1]), moved),
+            freed=self._distances(features(subtract(mel, noise)), self._quiet),
+            free=dtw.nearest(x, moved, self._lengths),
         )
-        shape = [
-            abs(np.log(len(x) / self._lengths[template])),
-            straight,
-            segment.peak_db / 20.0,
-            np.log(len(x) / 60.0),
+
+    def _distances(self, x: npt.NDArray[np.float32], templates: npt.NDArray[np.float32]) -> Numbers:
+        return np.clip(dtw.distances(x, templates, self._lengths), 1e-6, FARTHEST)
+
+    def weigh(self, m: Measures, without: str | None = None) -> Verdict:
+        """The nearest word and how sure it is. without: as if that word had not been enrolled (for the calibration)."""
+        keep = [w for w, word in enumerate(self.words) if word != without]
+        allowed = np.isin(self._word_of, keep)
+        moved = np.array([m.moved[self._word_of == w].min() for w in range(len(self.words))])
+        freed = np.array([m.freed[self._word_of == w].min() for w in range(len(self.words))])
+        choice = -CHOOSE[0] * np.log(moved) - CHOOSE[1] * np.log(freed)
+        if m.spotted is not None:
+            choice += CHOOSE[2] * m.spotted.best
+        best = max(keep, key=lambda w: choice[w])
+        others = [w for w in keep if w != best]
+        mine = np.flatnonzero(self._word_of == best)
+        nearest = mine[int(np.argmin(m.moved[mine]))]
+        d, f, own, between = float(moved[best]), float(freed[best]), self._own[best], self._between[best]
+        free = np.array([m.free[self._word_of == w].min(axis=0).mean() for w in range(len(self.words))])
+        ratios = [
+            d / own,
+            d / moved[others].min(initial=1.5 * d),
+            d / moved[keep].mean(),
+            m.moved[mine].mean() / own,
+            d / between,
+            m.backwards[allowed].min() / d,
+            f / own,
+            f / freed[others].min(initial=1.5 * f),
+            f / between,
+            f / freed[keep].mean(),
+            m.freed[mine].mean() / own,
+            free[best] / free[others].min(initial=1.2 * free[best]),
+            d / max(float(m.free[mine].mean(axis=1).min()), 1e-6),
+            d,
+            len(m.segment.mel) / 60.0,
         ]
-        evidence = np.clip(np.concatenate([ratios, shape]), -LIMIT, LIMIT)
-        return Verdict(word=self.words[best], score=calibration.score(evidence), distances=by_word, evidence=evidence)
+        stretch = abs(np.log(len(m.segment.mel) / self._lengths[nearest]))
+        around = [m.segment.before_db / 10.0, m.segment.after_db / 10.0, m.segment.peak_db / 20.0]
+        prints = []
+        if m.spotted is not None:
+            likeness, usual = m.spotted.best, m.spotted.usual
+            prints = [
+                likeness[best],
+                likeness[best] - likeness[others].max(initial=0.0),
+                likeness[best] - likeness[keep].mean(),
+                usual[best],
+                usual[best] - usual[others].max(initial=0.0),
+            ]
+        evidence = np.clip([*np.log(np.maximum(ratios, 1e-9)), stretch, *around, *prints], -LIMIT, LIMIT)
+        return Verdict(word=self.words[best], score=calibration.score(evidence), evidence=evidence)

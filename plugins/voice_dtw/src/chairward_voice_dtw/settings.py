@@ -35,11 +35,27 @@ class VoiceSettings(Settings):
     refractory_ms: int = Field(
         default=400, ge=0, le=5000, description="no second motion word within this; stop is always heard"
     )
-    listening: Literal["always", "armed"] = Field(
-        default="always", description="armed: motion words only after the wake word"
+    listening: Literal["always", "armed", "push_to_talk"] = Field(
+        default="always",
+        description="when motion words count: armed, some seconds after the wake word or a press of the talk switch; "
+        "push_to_talk, while the talk switch is held; stop always counts",
     )
     wake_word: str = Field(default="", description="enrolled word that opens an armed listener")
-    armed_s: float = Field(default=6.0, ge=1.0, le=60.0, description="how long the wake word opens the listener")
+    armed_s: float = Field(default=6.0, ge=1.0, le=60.0, description="how long an armed listener stays open")
     loudest_noise_dbfs: float = Field(
         default=-20.0, ge=-60.0, le=0.0, description="room noise above which no word is trusted"
+    )
+    voice_over_noise_db: float = Field(
+        default=5.0,
+        ge=-20.0,
+        le=30.0,
+        description="how far the recorded stop word must be over the room's noise; under it no motion word is taken",
+    )
+    shout_dbfs: float = Field(
+        default=0.0, ge=-40.0, le=0.0, description="any voice this loud for 200 ms stops the chair; 0: never"
+    )
+    word_set: str = Field(
+        default="",
+        pattern=r"^[a-z0-9_]{0,20}$",
+        description="another set of recordings of the same person ('tired', 'hoarse'); empty: the usual voice",
     )

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from chairward_voice_dtw import drift
 from chairward_voice_dtw.audio import Floats, SoundError, read_wav
 from chairward_voice_dtw.streams import STREAM_HZ
 
@@ -32,10 +33,10 @@ class StoreError(ValueError):
 
 
 class WordStore:
-    """The words of one person; person_dir need not exist yet."""
+    """The words of one person; person_dir need not exist yet. word_set: "" is the usual voice, "hoarse" another."""
 
-    def __init__(self, person_dir: Path) -> None:
-        self.folder = person_dir / FOLDER
+    def __init__(self, person_dir: Path, word_set: str = "") -> None:
+        self.folder = person_dir / (f"{FOLDER}-{word_set}" if word_set else FOLDER)
 
     def files(self) -> dict[str, list[Path]]:
         """Recordings by word; empty when nothing has been recorded. Raises StoreError for a broken index."""
@@ -48,6 +49,7 @@ class WordStore:
         if not words[word]:
             del words[word]
         self._commit(words)
+        drift.forget(self.folder)
         return self.files().get(word, [])
 
     def add(self, word: str, samples: Floats) -> Path:

@@ -8,29 +8,44 @@ from pathlib import Path
 
 import numpy as np
 
-from chairward_voice_dtw.audio import Floats, SoundError, read_wav
+from chairward_voice_dtw.audio import RATE_HZ, Floats, SoundError, read_wav, resample
 from chairward_voice_dtw.segmenter import LISTENERS, Segment, Segmenter
-from chairward_voice_dtw.streams import STREAM_HZ, active_rms, read_manifest, room_tone
+from chairward_voice_dtw.streams import STREAM_HZ, active_rms, read_manifest, room_tone, word_bounds
 
 
 @dataclass(frozen=True, slots=True)
 class Template:
-    """One repetition of a word. mel: n x BANDS power, pads included. noise: of its room. name: for messages."""
+    """One repetition of a word. mel: n x BANDS power, pads included. noise: of its room. name: for messages.
+
+    sound: at RATE_HZ, with LEAD_S and TAIL_S of the recording's own room around it. onset_s, end_s: of the word in it.
+    """
 
     word: str
     mel: Floats
     noise: Floats
-    name: str = ""
+    name: str
+    sound: Floats
+    onset_s: float
+    end_s: float
+
+
+LEAD_S, TAIL_S = 1.5, 0.3
+LEVEL_DBFS = -26.0
+
+
+def at_level(samples: Floats) -> Floats:
+    """Without its mean, its loud part at LEVEL_DBFS."""
+    samples = np.asarray(samples - samples.mean(), np.float32)
+    return samples * np.float32(10.0 ** (LEVEL_DBFS / 20.0) / active_rms(samples))
 
 
 def cut_out(samples: Floats) -> Segment | None:
     """The word of a recording at STREAM_HZ, as the streaming path would find it in the recording's own room."""
-    samples = np.asarray(samples - samples.mean(), np.float32)
+    samples = at_level(samples)
     rng = np.random.default_rng(1)
-    samples = samples * np.float32(10.0 ** (-26.0 / 20.0) / active_rms(samples))
     before, after = (room_tone(samples, n, rng) for n in (2 * STREAM_HZ, STREAM_HZ))
-    segmenter = Segmenter(STREAM_HZ, (LISTENERS[0],))
-    found = [s for s in segmenter.push(np.concatenate([before, samples, after])) if not s.too_long]
+    sound = resample(np.concatenate([before, samples, after]), STREAM_HZ, RATE_HZ)
+    found = [s for s in Segmenter((LISTENERS[0],)).push(sound) if not s.too_long]
     return max(found, key=lambda s: s.peak_db * (s.last - s.first), default=None)
 
 
@@ -39,7 +54,13 @@ def make_template(word: str, samples: Floats, name: str = "") -> Template:
     segment = cut_out(samples)
     if segment is None:
         raise SoundError(f"{name or word}: no word stands out of the background; record it again, louder or nearer")
-    return Template(word, segment.mel, segment.noise, name)
+    samples = at_level(samples)
+    first, last = word_bounds(samples)
+    rng = np.random.default_rng(2)
+    lead, tail = (room_tone(samples, int(s * STREAM_HZ), rng) for s in (LEAD_S, TAIL_S))
+    sound = resample(np.concatenate([lead, samples, tail]), STREAM_HZ, RATE_HZ)
+    onset_s, end_s = (LEAD_S + at / STREAM_HZ for at in (first, last))
+    return Template(word, segment.mel, segment.noise, name, sound, onset_s, end_s)
 
 
 def from_files(files: Mapping[str, Sequence[Path]]) -> list[Template]:
