@@ -189,8 +189,11 @@ def test_arm_is_there_only_standing_and_not_armed(tab: Tab, chair: Chair) -> Non
     chair.state = type(chair.state)()
     tab.wait_for_selector("#arm[aria-disabled=false]")
     tab.focus("#arm")
-    tab.keyboard.press("Enter")
-    chair.read_until(is_press(Button.ARM))
+    end, heard = time.monotonic() + 60.0, False
+    while not heard:  # a page that has just stuttered is refused, as it should be: a person presses again
+        assert time.monotonic() < end, "ARM did not reach the lane within 60 s"
+        tab.keyboard.press("Enter")
+        heard = any(is_press(Button.ARM)(message) for message in chair.read_for(0.5))
 
 
 def test_closing_the_page_ends_the_stop_device(browser: Any, chair: Chair, life: Life) -> None:
