@@ -143,6 +143,23 @@ def test_armed_listening_waits_for_the_wake_word(tmp_path: Path, word_folder: Pa
     assert [i.word for i in heard] == ["stop", "left"]
 
 
+def test_a_shout_stops_once_where_the_profile_says_so(tmp_path: Path, word_folder: Path) -> None:
+    rng = np.random.default_rng(3)
+    shout = np.concatenate([rng.normal(0.0, 1e-3, 16_000), rng.normal(0.0, 0.4, 8_000), rng.normal(0.0, 1e-3, 16_000)])
+    for shout_dbfs, expected in ((0.0, []), (-15.0, [Command.STOP])):
+        stage = stage_with(tmp_path, word_folder, shout_dbfs=shout_dbfs)
+        assert [i.command for i in intents(play(stage, shout.astype(np.float32)))] == expected
+
+
+def test_noise_as_loud_as_the_recorded_stop_word_is_too_much(tmp_path: Path, word_folder: Path, sentence_of) -> None:  # type: ignore[no-untyped-def]
+    stage = stage_with(tmp_path, word_folder, voice_over_noise_db=25.0)
+    sound = sentence_of(["left"])
+    noise = np.random.default_rng(6).normal(0.0, 0.01, 6 * 16_000)
+    messages = play(stage, np.concatenate([noise, sound + noise[: len(sound)]]).astype(np.float32))
+    assert "too noisy to hear 'stop' reliably" in alive(messages)[-1].reason
+    assert not intents(messages)
+
+
 def test_nothing_is_left_to_compile_when_the_first_sound_comes(tmp_path: Path, word_folder: Path) -> None:
     """A compiler at work in the middle of a word would hold the heartbeats up for seconds."""
     code = f"""
@@ -150,9 +167,10 @@ import sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})
 from pathlib import Path
 import conftest, test_voice_stage as t
-from chairward_voice_dtw import audio, dtw, endpoint, frontend
+from chairward_voice_dtw import audio, dtw, embedding, endpoint, frontend
 
-compiled = [f for m in (audio, dtw, endpoint, frontend) for f in vars(m).values() if hasattr(f, "signatures")]
+modules = (audio, dtw, embedding, endpoint, frontend)
+compiled = [f for module in modules for f in vars(module).values() if hasattr(f, "signatures")]
 stage = t.stage_with(Path({str(tmp_path)!r}), Path({str(word_folder)!r}))
 before = [len(f.signatures) for f in compiled]
 heard = t.intents(t.play(stage, conftest.sentence(["left", "stop"])))
