@@ -361,6 +361,21 @@ def test_hold_alone_moves_nothing_and_does_not_bring_a_spent_wish_back() -> None
     assert ride.tick(press=[Button.HOLD], times=3).motion == STILL
 
 
+@pytest.mark.parametrize("button", [Button.ARM, Button.RESET])
+def test_no_other_button_holds_a_word(button: Button) -> None:
+    ride = armed()
+    ride.tick(Command.FRONT)
+    ride.tick(press=[button])
+    assert ride.state.wish is not None
+    assert not ride.state.wish.held
+
+
+def test_a_word_of_long_ago_is_not_live() -> None:
+    limits = chair_limits()
+    old = replace(driving(), wish=replace(Ride().wish(Command.FRONT), at_ns=START_NS // 2))
+    assert travel(old, healthy(limits), limits, 0.02).wish is None
+
+
 def test_hold_during_an_arc_holds_the_drive_under_it() -> None:
     ride = armed()
     ride.tick(Command.FRONT, times=60)
