@@ -245,6 +245,8 @@ def main() -> None:
     summary["textured_wall_mean_error_mm"] = wall_table(arguments.seed)
     arguments.out.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
     for kind in ("synthetic", "sequence"):
+        if kind not in summary:
+            continue
         print(kind, json.dumps({k: v for k, v in summary[kind].items() if k not in ("n", "bounds_95")}))
 
 
