@@ -22,7 +22,7 @@ KEEP_DAYS = 120
 FEWEST_WORDS = 20
 COMPARED_DAYS = 5
 SUNK = 1.5
-"""Log-odds: the accuracy lost by then is that of 10 dB more noise."""
+"""Log-odds: three quarters of the odds are gone by then."""
 
 
 def _read(path: Path) -> dict[str, dict[str, Any]]:
