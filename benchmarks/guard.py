@@ -32,6 +32,7 @@ RESULTS = ROOT / "benchmarks" / "results" / "guard.json"
 
 from rig import CHAIR, Rig, load, running  # noqa: E402
 
+from chairward import supervisor  # noqa: E402
 from chairward.durations import percentiles_ms  # noqa: E402
 from chairward.records import Record  # noqa: E402
 
@@ -90,12 +91,12 @@ def lateness(records: list[Record], whole: set[int]) -> Row:
 
 def ticks(folder: Path, options: argparse.Namespace) -> Iterator[Row]:
     """A while of ticks, driving or not."""
-    with running(load(folder), folder / "run", until_driving=False) as rig, neighbours(options.neighbours):
+    with running(load(folder), folder / "run", until_driving=False) as rig:
         rig.wait(lambda: bool(rig.records), "the guard", 60.0)
-        records, whole = watch(rig, options.seconds)
-        yield {"neighbours": options.neighbours, "fifo": bool(rig.supervisor.up and rig.supervisor.up.fifo)} | lateness(
-            records, whole
-        )
+        with neighbours(options.neighbours):
+            records, whole = watch(rig, options.seconds)
+        fifo = bool(rig.supervisor.up and rig.supervisor.up.fifo)
+        yield {"neighbours": options.neighbours, "fifo": fifo} | lateness(records, whole)
 
 
 def stops(folder: Path, options: argparse.Namespace) -> Iterator[Row]:
@@ -128,6 +129,7 @@ def zoo(folder: Path, options: argparse.Namespace) -> Iterator[Row]:
     """Beside each animal in turn."""
     import chairward_zoo  # type: ignore[import-not-found]
 
+    supervisor.BACK_OFF_S = (0.02,)
     with running(load(folder), folder / "run", until_driving=False) as rig:
         for how in sorted(chairward_zoo.WAYS_TO_FAIL):
             rig.wait(lambda: sees(rig), "a sensor that sees", 120.0)
