@@ -39,9 +39,7 @@ class HomeSettings(Settings):
     full_turn_deg_s: float = Field(default=60.0, ge=5.0, le=180.0, description="turn rate at full duty, deg/s")
     slope_percent: float = Field(default=0.0, ge=-20.0, le=20.0, description="floor rises towards heading 0 by this")
     speaks: bool = Field(default=True, description="False: nobody says or presses anything; drive it yourself")
-    wheels_off: bool = Field(
-        default=False, description="True: on blocks; the wheels turn, the chair stays"
-    )
+    wheels_off: bool = Field(default=False, description="True: on blocks; the wheels turn, the chair stays")
     waits_s: float = Field(
         default=30.0, ge=0.0, le=600.0, description="the person waits at most so long for the cameras to be on"
     )

@@ -195,10 +195,10 @@ def _hard(results: Results) -> dict[str, object]:
     pairs = [r for r in results.pairs if r.entry.kind == "synthetic" and r.entry.hard]
     drives = [r for r in results.sequences if r.entry.hard]
     out: dict[str, object] = {}
-    for name in sorted({r.entry.obstacle for r in [*pairs, *drives]}):
-        out[name] = synthetic([r for r in pairs if r.entry.obstacle == name])
-        if at_it := [r for r in drives if r.entry.obstacle == name]:
-            out[name] = {**synthetic([r for r in pairs if r.entry.obstacle == name]), "sequence": sequence(at_it)}
+    for name in sorted({r.entry.obstacle for r in pairs} | {r.entry.obstacle for r in drives}):
+        figures = synthetic([r for r in pairs if r.entry.obstacle == name])
+        at_it = [r for r in drives if r.entry.obstacle == name]
+        out[name] = {**figures, "sequence": sequence(at_it)} if at_it else figures
     return out
 
 
