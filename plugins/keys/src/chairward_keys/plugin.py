@@ -14,10 +14,9 @@ CHAIRWARD_API = 1
 
 def make(settings: KeysSettings, context: Context) -> Source:
     """The source; nothing is opened yet."""
-    del context
     from chairward_keys.source import Keys
 
-    return Keys(settings)
+    return Keys(settings, context.run_dir)
 
 
 @hookimpl

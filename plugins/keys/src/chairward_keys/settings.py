@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 from chairward.components import Settings
 from chairward_keys.events import is_key_name
 
-Action = Literal["stop", "arm", "reset", "hold", "front", "back", "left", "right", "reverse", "help", "ignore"]
+Action = Literal["stop", "arm", "reset", "hold", "front", "back", "left", "right", "reverse", "help", "talk", "ignore"]
 
 DEFAULT_KEYS: dict[str, Action] = {
     "space": "stop",
@@ -38,7 +38,8 @@ class KeysSettings(Settings):
     keys: dict[str, Action] = Field(
         DEFAULT_KEYS,
         min_length=1,
-        description="key -> stop arm reset hold front back left right reverse help ignore; keys are letters, digits, "
+        description="key -> stop arm reset hold front back left right reverse help talk ignore; talk: motion words "
+        "count while it is held (voice_dtw.listening = push_to_talk); keys are letters, digits, "
         "space enter escape up down left right, mouse_left, or code_N for key number N of an input device",
     )
     other_keys: Literal["stop", "ignore"] = Field(

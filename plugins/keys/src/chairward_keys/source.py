@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import select
 import time
+from pathlib import Path
 
 from chairward.components import DeviceLost
 from chairward.messages import Message
+from chairward.talk_switch import TalkSwitch
 from chairward_keys.devices import InputDevice, Terminal, open_device
 from chairward_keys.events import DeviceKeys, TypedKeys
 from chairward_keys.settings import KeysSettings
@@ -16,13 +18,16 @@ from chairward_keys.switchboard import Switchboard
 S = 1_000_000_000
 MS = 1_000_000
 _READ_BYTES = 4096
+_TALK_NS = 250 * MS
+"""How long a talk key that is held keeps ears open; renewed with every heartbeat."""
 
 
 class Keys:
     """Yields lists of Press, Intent and Alive; Alive every 100 ms while the device can be read, never without it."""
 
-    def __init__(self, settings: KeysSettings) -> None:
+    def __init__(self, settings: KeysSettings, run_dir: Path = Path()) -> None:
         self._settings = settings
+        self._talk = TalkSwitch(run_dir) if "talk" in settings.keys.values() else None
         self._device: InputDevice | Terminal | None = None
         self._decoder: TypedKeys | DeviceKeys = DeviceKeys()
         self._board = Switchboard(settings.keys, settings.other_keys)
@@ -45,6 +50,8 @@ class Keys:
             data = self._bytes(self._device, max(0, due_ns - time.monotonic_ns()) / S)
             now_ns = time.monotonic_ns()
             messages = self._board.step(now_ns, self._decoder.feed(data, now_ns))
+            if self._talk is not None and self._board.talking:
+                self._talk.hold(now_ns + _TALK_NS)
             if messages:
                 return messages
             if now_ns >= end_ns:

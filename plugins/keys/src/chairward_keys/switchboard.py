@@ -24,6 +24,8 @@ class Switchboard:
     def __init__(self, keys: Mapping[str, Action], other: Literal["stop", "ignore"]) -> None:
         self._keys, self._other = dict(keys), other
         self._held: list[str] = []
+        self.talking: set[str] = set()
+        """Keys of the talk switch that are held."""
         self._alive_due_ns = 0
         self._held_due_ns = 0
         self._seq = 0
@@ -31,6 +33,7 @@ class Switchboard:
     def let_go(self) -> None:
         """Count no key as held (the device was opened anew)."""
         self._held.clear()
+        self.talking.clear()
 
     def next_due_ns(self) -> int:
         """When `step` has something to say even if no key moves."""
@@ -54,12 +57,16 @@ class Switchboard:
 
     def _event(self, event: KeyEvent, now_ns: int) -> list[Message]:
         if event.stroke is Stroke.LOST:
-            self._held.clear()
+            self.let_go()
             return []
         if event.stroke is Stroke.UP:
             self._held = [key for key in self._held if key != event.key]
+            self.talking.discard(event.key)
             return []
         action = self._action(event.key)
+        if action == "talk":
+            self.talking.add(event.key)
+            return []
         if action in ("stop", "arm", "reset"):
             if action == "stop":
                 self._held.clear()
