@@ -18,7 +18,6 @@ from chairward.components import Footprint, Pose
 from chairward.stages import DisparityMap, FloorMap, Image, RectifiedPair, StereoGeometry
 from chairward_vision_obstacle import cables, regions
 from chairward_vision_obstacle.birdseye import CELL_MM, BirdsEye, Shift
-from chairward_vision_obstacle.cables import Cable
 from chairward_vision_obstacle.floor_look import FloorLook, looks
 from chairward_vision_obstacle.ground import Ground, make_ground
 from chairward_vision_obstacle.heading import FreePath, feet, free_path
@@ -65,9 +64,7 @@ class LearnedVision:
             settings.share, settings.contrast, settings.fast_s, settings.slow_s, settings.enough_pixels
         )
         self._things = Track(self.ground.nearest_mm, self._half_width_mm, settings.confirm)
-        self._cable_width = cables.width_cells(pose.z_mm, lens_mm + 100.0)
-        unseen_mm = cables.unseen_cells(self._cable_width) * CELL_MM
-        self._cables = Track(self.ground.nearest_mm + unseen_mm, self._half_width_mm, settings.confirm_thin)
+        self._cables = Track(self.ground.nearest_mm, self._half_width_mm, settings.confirm_thin)
 
     def judge(self, pair: RectifiedPair, floor_map: FloorMap, disparity: DisparityMap | None) -> Judgement:
         """What one picture says, with all that came before it."""
@@ -88,12 +85,11 @@ class LearnedVision:
         )
         floor_above = np.asarray(self._in_view & ~raised_above)
         shift = self._above.shift(above, floor_above)
-        reach = round(self._half_width_mm / CELL_MM)
-        thin = cables.find(above, floor_above, self._cable_width, reach)
+        thin = cables.thin_things(np.asarray(cv2.cvtColor(above, cv2.COLOR_BGR2GRAY), np.uint8), floor_above)
         light = _light(small)
         knows = self._look.knows and not light
         thing = regions.nearest(mask, cues, self.ground, self._half_width_mm) if knows else None
-        cable = self._cable(thin) if knows and thin is not None else None
+        cable = self._cable(thin) if knows else None
         tracked = [
             self._things.step(pair.captured_ns, thing, shift),
             self._cables.step(pair.captured_ns, cable, shift),
@@ -101,8 +97,8 @@ class LearnedVision:
         nearest = min((t for t in tracked if t is not None), key=lambda t: t.ahead_mm, default=None)
         path = free_path(*feet(mask, self.ground), self._half_width_mm)
         full = np.asarray(cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0)
-        if thin is not None:
-            full = full | self._above.back(thin.cells, height, width)
+        if thin.any():
+            full = full | self._above.back(thin, height, width)
         reason = light or ("" if self._look.knows else "has not seen enough floor yet to know its look")
         return Judgement(full, nearest, path, not reason, reason, shift, thing, cable)
 
@@ -119,12 +115,15 @@ class LearnedVision:
         np.divide(fb, total, out=depth, where=known)
         return depth
 
-    def _cable(self, found: Cable) -> Sighting:
-        """A cable's distance; it is cut off when its near side is at the picture's edge."""
-        rows = found.cells.shape[0]
-        cells = rows - 1 - found.row
-        forward_mm = self._above.near_mm + cells * CELL_MM
-        cut = cells <= cables.unseen_cells(self._cable_width)
+    def _cable(self, thin: Bools) -> Sighting | None:
+        """The nearest thin thing in the corridor."""
+        reach = round(self._half_width_mm / CELL_MM)
+        middle = thin.shape[1] // 2
+        rows = np.nonzero(thin[:, middle - reach : middle + reach].any(axis=1))[0]
+        if not rows.size:
+            return None
+        forward_mm = self._above.near_mm + (thin.shape[0] - 1 - int(rows[-1])) * CELL_MM
+        cut = int(rows[-1]) >= thin.shape[0] - 2
         return Sighting(forward_mm + self.ground.offset_mm, cut=cut, label="something thin on the floor")
 
 
@@ -148,14 +147,8 @@ def _shrunk(mask: Bools, size: tuple[int, int], share: float) -> Bools:
 def _light(small: Image) -> str:
     """Why the light does not do, or ""."""
     grey = np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), np.uint8)
-    if level(grey, 0.95) < DARK:
+    if cables.level(grey, 0.95) < DARK:
         return "too dark to see"
-    if level(grey, 0.1) > BRIGHT:
+    if cables.level(grey, 0.1) > BRIGHT:
         return "too bright to see"
     return ""
-
-
-def level(grey: npt.NDArray[np.uint8], share: float) -> int:
-    """The grey level that `share` of the pixels do not exceed."""
-    counts = np.cumsum(np.bincount(grey.ravel(), minlength=256))
-    return int(np.searchsorted(counts, share * counts[-1]))

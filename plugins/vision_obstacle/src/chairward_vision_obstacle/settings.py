@@ -28,5 +28,5 @@ class VisionObstacleSettings(Settings):
         150, ge=20, le=5000, description="measured floor pixels (of 160 x 120) from which a picture teaches anything"
     )
     confirm: int = Field(3, ge=1, le=5, description="of five pictures so many must show an obstacle")
-    confirm_thin: int = Field(3, ge=1, le=5, description="of five pictures so many must show a cable")
+    confirm_thin: int = Field(4, ge=1, le=5, description="of five pictures so many must show a cable")
     panes: bool = Field(True, description="draw the obstacle picture for people")

@@ -59,6 +59,7 @@ class Holder:
             self.width = float(np.clip(self.width * (1.15 if wanted.what == "nearer" else 0.87), 0.1, 0.9))
         if wanted.what == "vary":
             self.x, self.width = 0.3 + (self.x + 0.09) % 0.4, 0.3 + (self.width + 0.03) % 0.3
+            self.y = 0.35 + (self.y + 0.13) % 0.3
         if wanted.what == "show":
             self.x, self.y, self.width = 0.5, 0.5, 0.3
 
