@@ -82,7 +82,7 @@ def test_a_machine_without_cameras(command: Callable[..., Any], tmp_path: Path) 
     ended = command(
         *("run", "--chair", "prototype", "--person", "thesis", "--for", "3s", "--json", "--no-record"),
         *("--set", f"pic_serial.port={tmp_path / 'tty'}", "--set", f"cameras.left={tmp_path / 'video0'}"),
-        *("--set", f"cameras.right={tmp_path / 'video1'}"),
+        *("--set", f"cameras.right={tmp_path / 'video1'}", "--set", "pic_serial.watchdog_relay=K1"),
         timeout_s=110.0,
     )
     assert ended.json["driven_m"] == 0.0
