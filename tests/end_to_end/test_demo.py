@@ -80,7 +80,7 @@ def test_no_cap_is_ever_exceeded(demos: list[Any]) -> None:
 
 
 def test_late_ticks_are_rare_and_each_is_logged(demo: Any) -> None:
-    share = 0.03  # a machine that shares its cores is late more often; the figures are in benchmarks/results/guard.json
+    share = 0.03  # the aim is 0.1 %; this is a bound for machines that share their cores
     assert demo["late_ticks"] <= demo["ticks"] * share, story(demo)
     assert len(demo["late_tick_log"]) == demo["late_ticks"]
 
