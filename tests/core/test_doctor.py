@@ -60,7 +60,7 @@ class World:
     left: Picture = field(default_factory=lambda: scene(0))
     right: Picture = field(default_factory=lambda: scene(12))
     frozen: str = ""
-    pictures: int = 14
+    pictures: int = 75
     missing: str = ""
     broken: str = ""
     same: bool = False

@@ -71,8 +71,12 @@ class Camera:
                 return self._fail(f"cannot be opened: {_advice(self._path)}")
             if is_device:
                 self._set_up(cv2, capture)
+            # A video file has no pace of its own: at the camera's, it stands in for one.
+            paced = Path(self._path).is_file()
             number = 0
             while not self._stop.is_set():
+                if paced and number:
+                    self._stop.wait(self._period_ns / S)
                 if not capture.grab():
                     return self._fail("gives no more pictures: check its cable")
                 now_ns = time.monotonic_ns()
