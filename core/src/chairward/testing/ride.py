@@ -144,3 +144,17 @@ class Ride:
         """Arm, say the words (FRONT if none), and go on for a while."""
         self.arm()
         return self.tick(*(words or (Command.FRONT,)), times=times)
+
+
+def integrated(ride: Ride, since: int = 0) -> tuple[float, float]:
+    """mm and degrees that the decisions since then commanded."""
+    motions = [decision.motion for decision in ride.decisions[since:]]
+    dt = TICK_NS / S
+    return sum(m.drive_mm_s for m in motions) * dt, sum(m.turn_deg_s for m in motions) * dt
+
+
+def armed(limits: Limits | None = None) -> Ride:
+    """A ride whose chair is armed and stands."""
+    ride = Ride(limits=limits or chair_limits())
+    ride.arm()
+    return ride
