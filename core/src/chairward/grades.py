@@ -97,17 +97,20 @@ def graded(name: str, folder: Path, tests: Path, say: Callable[[str], object]) -
     return Graded(name, rules)
 
 
-def needed_contract(kind: str, component: Component) -> str | None:
-    """The contract class whose tests a component must pass; None where there is none."""
+RECOGNIZER = ("HeldDeviceContract", "WordContract")
+
+
+def needed_contracts(kind: str, component: Component) -> Sequence[str]:
+    """The contract classes of which a component must keep one, whichever it is; none for a companion."""
     gives = set(component.gives)
     if kind == "source":
         if gives & {Intent, Stick, Press}:
-            return "RecognizerContract"
+            return RECOGNIZER
         if RangeReading in gives:
-            return "SensorContract"
-        return "DeviceContract" if Veto in gives else "SourceContract"
-    known = {"sensor": "SensorContract", "recognizer": "RecognizerContract", "drive": "DriveContract"}
-    return {**known, "observer": "ObserverContract"}.get(kind)
+            return ("SensorContract",)
+        return ("DeviceContract",) if Veto in gives else ("SourceContract",)
+    known = {"sensor": ("SensorContract",), "recognizer": RECOGNIZER, "drive": ("DriveContract",)}
+    return {**known, "observer": ("ObserverContract",)}.get(kind, ())
 
 
 def _bronze(project: Project, refused: str) -> list[Rule]:
@@ -128,11 +131,13 @@ def _silver(project: Project) -> list[Rule]:
     passed, failed = _run_tests(project, {}, [])
     rules = [Rule("silver", "all its tests pass, none is skipped", not failed, failed)]
     for kind, component in project.offered:
-        contract = needed_contract(kind, component)
-        if contract is not None:
-            kept = (contract, component.name) in passed or (kind == "drive" and (contract, "") in passed)
-            why = f"no test class inherits {contract} with a rig of '{component.name}'"
-            rules.append(Rule("silver", f"{component.name}: {contract} passes", kept, "" if kept else why))
+        contracts = needed_contracts(kind, component)
+        if contracts:
+            names = {component.name, ""} if kind == "drive" else {component.name}
+            kept = any((contract, name) in passed for contract in contracts for name in names)
+            needed = " or ".join(contracts)
+            why = f"no test class inherits {needed} with a rig of '{component.name}'"
+            rules.append(Rule("silver", f"{component.name}: {needed} passes", kept, "" if kept else why))
     return rules
 
 

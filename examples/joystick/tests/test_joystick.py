@@ -10,7 +10,7 @@ import pytest
 from chairward_joystick import AXIS, BUTTON, EVENT, FULL, chairward_sources
 
 from chairward.messages import Command, Stick
-from chairward.testing import RecognizerContract, RecognizerRig
+from chairward.testing import HeldDeviceContract, RecognizerRig
 from chairward.testing.device_rig import opened
 
 PUSHED = {Command.FRONT: (1, -FULL), Command.BACK: (1, FULL), Command.LEFT: (0, -FULL), Command.RIGHT: (0, FULL)}
@@ -20,7 +20,6 @@ class JoystickRig(RecognizerRig):
     """A joystick with two axes and buttons."""
 
     component = chairward_sources()[0]
-    held = True
 
     def __init__(self, folder: Path) -> None:
         self.name = str(folder / "js0")
@@ -62,7 +61,7 @@ class JoystickRig(RecognizerRig):
         self.unplug()
 
 
-class TestJoystick(RecognizerContract):
+class TestJoystick(HeldDeviceContract):
     """All of the contract, and what is special to a stick."""
 
     @pytest.fixture

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from chairward.messages import Command
-from chairward.testing import RecognizerContract, RecognizerRig
+from chairward.testing import HeldDeviceContract, RecognizerRig
 from chairward_keys.plugin import chairward_sources
 
 UP, DOWN, LEFT, RIGHT, SPACE, PLAY = 103, 108, 105, 106, 57, 207
@@ -22,7 +22,6 @@ class KeysRig(RecognizerRig):
     """A keyboard that speaks struct input_event."""
 
     component = chairward_sources()[0]
-    held = True
 
     def __init__(self, folder: Path) -> None:
         self.name = str(folder / "keyboard")
@@ -64,7 +63,7 @@ class KeysRig(RecognizerRig):
             self.unplug()
 
 
-class TestKeys(RecognizerContract):
+class TestKeys(HeldDeviceContract):
     """All of the contract."""
 
     @pytest.fixture

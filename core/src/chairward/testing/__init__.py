@@ -36,7 +36,12 @@ from chairward.testing.drive_measured import MeasurableContract  # noqa: E402
 from chairward.testing.drive_rig import DriveRig  # noqa: E402
 from chairward.testing.observer_contract import ObserverContract, ObserverRig  # noqa: E402
 from chairward.testing.pty_device import PtyDevice  # noqa: E402
-from chairward.testing.recognizer_contract import RecognizerContract, RecognizerRig  # noqa: E402
+from chairward.testing.recognizer_contract import (  # noqa: E402
+    HeldDeviceContract,
+    RecognizerContract,
+    RecognizerRig,
+    WordContract,
+)
 from chairward.testing.sensor_contract import FrozenContract, SensorContract, SensorRig  # noqa: E402
 from chairward.testing.source_contract import FiniteSourceContract, SourceContract, SourceRig  # noqa: E402
 
@@ -48,6 +53,7 @@ __all__ = [
     "ExclusivePortContract",
     "FiniteSourceContract",
     "FrozenContract",
+    "HeldDeviceContract",
     "MeasurableContract",
     "ObserverContract",
     "ObserverRig",
@@ -64,4 +70,5 @@ __all__ = [
     "SourceRig",
     "StopInputContract",
     "VersionContract",
+    "WordContract",
 ]

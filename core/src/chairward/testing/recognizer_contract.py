@@ -1,4 +1,8 @@
-"""What everything promises that hears or feels what a person asks for: words, switches, sticks, gestures."""
+"""What everything promises that hears or feels what a person asks for: words, switches, sticks, gestures.
+
+What asks as long as something is held (a switch, a stick) inherits `HeldDeviceContract`, what asks once (a word, a
+gesture) `WordContract`; `RecognizerContract` is what both promise.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +25,11 @@ HELD_S = 0.1
 class RecognizerRig(DeviceRig):
     """A recognizer and the person before it.
 
-    commands: what this device can ask for. held: True where asking lasts as long as something is held (switch, stick).
+    commands: what this device can ask for.
     settle_s: how long after a change what it says may still rest on what was before.
     """
 
     commands: Sequence[Command] = (Command.FRONT, Command.BACK, Command.LEFT, Command.RIGHT)
-    held: bool = False
     settle_s: float = 0.5
 
     @abstractmethod
@@ -53,7 +56,7 @@ class RecognizerRig(DeviceRig):
 
 
 class RecognizerContract(DeviceContract):
-    """All of it. A recognizer's test class inherits this and gives the fixture `rig`, a `RecognizerRig`."""
+    """What a held device and a word have in common. The fixture `rig` is a `RecognizerRig`."""
 
     def test_it_says_that_it_lives_ten_times_a_second(self, rig: RecognizerRig) -> None:
         with opened(rig) as reader:
@@ -98,7 +101,7 @@ class RecognizerContract(DeviceContract):
             rig.stop()
             stopped_ns = reader.until(stops, "a stop").captured_ns
             rig.let_go()
-            self._nothing_asked_after(rig, reader, stopped_ns)
+            _nothing_asked_after(rig, reader, stopped_ns)
 
     def test_nothing_is_heard_while_nobody_asks(self, rig: RecognizerRig) -> None:
         with opened(rig) as reader:
@@ -111,53 +114,6 @@ class RecognizerContract(DeviceContract):
             rig.babble()
             reader.during(1.5)
             assert not [m for m in reader.said if asks(m)]
-
-    def test_what_is_held_is_repeated_and_says_that_it_is_held(self, rig: RecognizerRig) -> None:
-        if not rig.held:
-            return
-        with opened(rig) as reader:
-            reader.until(well, "Alive(well=True)")
-            rig.ask(rig.commands[0])
-            first = reader.until(asks, "what is held")
-            reader.during(1.0)
-            again = [m for m in reader.said if asks(m) and m.seq >= first.seq]
-            assert all(m.held for m in again if isinstance(m, Intent)), "a switch is held: Intent(held=True)"
-            gaps_s = sorted((b.captured_ns - a.captured_ns) / S for a, b in pairwise(again))
-            assert gaps_s, "repeat what is held, with a new captured_ns"
-            assert gaps_s[len(gaps_s) // 2] <= HELD_S, f"repeat at least every {HELD_S} s, not every {gaps_s}"
-
-    def test_what_is_let_go_is_no_longer_asked_for(self, rig: RecognizerRig) -> None:
-        if not rig.held:
-            return
-        with opened(rig) as reader:
-            reader.until(well, "Alive(well=True)")
-            rig.ask(rig.commands[0])
-            reader.until(asks, "what is held")
-            rig.let_go()
-            self._nothing_asked_after(rig, reader, time.monotonic_ns())
-
-    def test_a_word_is_asked_for_once(self, rig: RecognizerRig) -> None:
-        if rig.held:
-            return
-        with opened(rig) as reader:
-            reader.until(well, "Alive(well=True)")
-            rig.ask(rig.commands[0])
-            reader.until(asks, "the word")
-            reader.during(1.5)
-            heard = [m for m in reader.said if asks(m)]
-            assert len(heard) == 1, f"one word, said once, became {heard}"
-            assert not heard[0].held, "a word is a lease, not something held"
-            assert heard[0].word, "tell the word that was heard: people read it"
-
-    def test_a_held_command_ends_with_its_device(self, rig: RecognizerRig) -> None:
-        if not rig.held:
-            return
-        with opened(rig) as reader:
-            reader.until(well, "Alive(well=True)")
-            rig.ask(rig.commands[0])
-            reader.until(asks, "what is held")
-            rig.unplug()
-            self._nothing_asked_after(rig, reader, time.monotonic_ns())
 
     def test_a_dead_device_is_never_called_well(self, rig: RecognizerRig) -> None:
         with opened(rig) as reader:
@@ -193,10 +149,52 @@ class RecognizerContract(DeviceContract):
             reader.during(0.5)
             assert not [m for m in reader.said[first:] if asks(m)]
 
-    def _nothing_asked_after(self, rig: RecognizerRig, reader: Reader, at_ns: int) -> None:
-        reader.during(rig.settle_s + 0.5)
-        late = [m for m in reader.said if asks(m) and m.captured_ns > at_ns + int(rig.settle_s * S)]
-        assert not late, f"still asked for {(late[0].captured_ns - at_ns) / MS:.0f} ms later: {late[0]}"
+
+class HeldDeviceContract(RecognizerContract):
+    """All that a switch, a stick or whatever else must be held promises. The fixture `rig` is a `RecognizerRig`."""
+
+    def test_what_is_held_is_repeated_and_says_that_it_is_held(self, rig: RecognizerRig) -> None:
+        with opened(rig) as reader:
+            reader.until(well, "Alive(well=True)")
+            rig.ask(rig.commands[0])
+            first = reader.until(asks, "what is held")
+            reader.during(1.0)
+            again = [m for m in reader.said if asks(m) and m.seq >= first.seq]
+            assert all(m.held for m in again if isinstance(m, Intent)), "a switch is held: Intent(held=True)"
+            gaps_s = sorted((b.captured_ns - a.captured_ns) / S for a, b in pairwise(again))
+            assert gaps_s, "repeat what is held, with a new captured_ns"
+            assert gaps_s[len(gaps_s) // 2] <= HELD_S, f"repeat at least every {HELD_S} s, not every {gaps_s}"
+
+    def test_what_is_let_go_is_no_longer_asked_for(self, rig: RecognizerRig) -> None:
+        with opened(rig) as reader:
+            reader.until(well, "Alive(well=True)")
+            rig.ask(rig.commands[0])
+            reader.until(asks, "what is held")
+            rig.let_go()
+            _nothing_asked_after(rig, reader, time.monotonic_ns())
+
+    def test_a_held_command_ends_with_its_device(self, rig: RecognizerRig) -> None:
+        with opened(rig) as reader:
+            reader.until(well, "Alive(well=True)")
+            rig.ask(rig.commands[0])
+            reader.until(asks, "what is held")
+            rig.unplug()
+            _nothing_asked_after(rig, reader, time.monotonic_ns())
+
+
+class WordContract(RecognizerContract):
+    """All that a word, a gesture or whatever else asks once promises. The fixture `rig` is a `RecognizerRig`."""
+
+    def test_a_word_is_asked_for_once(self, rig: RecognizerRig) -> None:
+        with opened(rig) as reader:
+            reader.until(well, "Alive(well=True)")
+            rig.ask(rig.commands[0])
+            reader.until(asks, "the word")
+            reader.during(1.5)
+            heard = [m for m in reader.said if asks(m)]
+            assert len(heard) == 1, f"one word, said once, became {heard}"
+            assert not heard[0].held, "a word is a lease, not something held"
+            assert heard[0].word, "tell the word that was heard: people read it"
 
 
 def well(message: object) -> bool:
@@ -224,3 +222,9 @@ def _directions(stick: Stick) -> set[Command]:
     ways = {Command.FRONT: stick.forward > 0, Command.BACK: stick.forward < 0}
     ways |= {Command.LEFT: stick.left > 0, Command.RIGHT: stick.left < 0}
     return {command for command, asked in ways.items() if asked}
+
+
+def _nothing_asked_after(rig: RecognizerRig, reader: Reader, at_ns: int) -> None:
+    reader.during(rig.settle_s + 0.5)
+    late = [m for m in reader.said if asks(m) and m.captured_ns > at_ns + int(rig.settle_s * S)]
+    assert not late, f"still asked for {(late[0].captured_ns - at_ns) / MS:.0f} ms later: {late[0]}"
