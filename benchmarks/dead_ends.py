@@ -22,7 +22,8 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from chairward.testing.dead_ends import CHAIRS, NAMED_WITHIN_NS, Escape
+from chairward.testing.dead_end_chair import CHAIRS
+from chairward.testing.dead_ends import NAMED_WITHIN_NS, Escape
 
 RESULTS = Path(__file__).parent / "results" / "dead_ends.json"
 EVERY = {"camera": 1, "all round": 10}

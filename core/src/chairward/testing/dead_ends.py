@@ -1,8 +1,7 @@
-"""Random dead ends, without pictures: a chair drives in, is stopped, and must be told a way out that really leads out.
+"""Random dead ends, driven: a chair drives in, is stopped, and must be told a way out that really leads out.
 
-A room with a pocket; walls are segments, sensors are rays, the chair follows the decisions with its delays. The person
-is simple: says "front" until stopped, then only what the decision names as open: some steps back, a turn, on. Distances
-mm, angles rad in here; the pocket lies along +x from its mouth at x = 0.
+The person is simple: says "front" until stopped, then only what the decision names as open: some steps back, a turn,
+on.
 """
 
 from __future__ import annotations
@@ -10,30 +9,21 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from math import cos, hypot, inf, pi, radians, sin
+from math import cos, hypot, pi, radians, sin
 from random import Random
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from chairward.arbiter import decide
-from chairward.components import STILL, Motion
-from chairward.envelope import Caps
-from chairward.facts import MS, Decision, Instruction, Limits, S, SourceLimits, State, Wish
+from chairward.facts import MS, Decision, Instruction, Limits, S, State, Wish
 from chairward.messages import Command, DriveStatus, RangeReading, Way
 from chairward.scene import WINDOW
-from chairward.testing.ride import AHEAD_AND_SIDES, START_NS, VOICE, chair_limits, healthy
+from chairward.testing.dead_end_chair import CHAIRS, TICK_NS, Body, limits_of, reading
+from chairward.testing.dead_end_place import REAR_MM, DeadEnd, Segments, box, some_dead_end
+from chairward.testing.ride import START_NS, VOICE, healthy
 
-FRONT_MM, REAR_MM, HALF_MM = 450.0, 450.0, 300.0
-CORNERS = np.array([(FRONT_MM, HALF_MM), (FRONT_MM, -HALF_MM), (-REAR_MM, -HALF_MM), (-REAR_MM, HALF_MM)])
-MARGIN_MM = 50.0
-FAR_MM = 5_000
-TICK_NS = 40 * MS
-"""Between two decisions; a guard takes 20 ms at most."""
 FRAME_TICKS = 2
 SENSING_NS = 80 * MS
-ACTING_TICKS = 2
 OUT_AFTER_MM = 500.0
 """Out: no corner is left in the pocket, and the chair has driven forward so far since."""
 NAMED_WITHIN_NS = 5 * S
@@ -42,199 +32,7 @@ SPEAKS_EVERY_NS = 700 * MS
 PATIENT_FOR = 8
 """Words that came to nothing: after so many the person calls for help."""
 
-Segments = NDArray[np.float64]
-"""(n, 4): x1, y1, x2, y2."""
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ranger:
-    """A sensor: where it sits, which way it looks, how wide, and the ways the chair file declares for it."""
-
-    name: str
-    x_mm: float
-    y_mm: float
-    yaw: float
-    half_view: float
-    covers: frozenset[Way]
-
-
-RAYS = np.linspace(-1.0, 1.0, 31)
-CAMERA = Ranger(name="front/range", x_mm=FRONT_MM, y_mm=0.0, yaw=0.0, half_view=radians(40), covers=AHEAD_AND_SIDES)
-REAR = Ranger(name="rear/sonar", x_mm=-REAR_MM, y_mm=0.0, yaw=pi, half_view=radians(60), covers=frozenset({Way.BEHIND}))
-SIDES = tuple(
-    Ranger(name=f"{way}/sonar", x_mm=0.0, y_mm=y, yaw=yaw, half_view=radians(75), covers=frozenset({way}))
-    for way, y, yaw in ((Way.LEFT, HALF_MM, pi / 2), (Way.RIGHT, -HALF_MM, -pi / 2))
-)
-CHAIRS: dict[str, tuple[Ranger, ...]] = {"camera": (CAMERA,), "all round": (CAMERA, REAR, *SIDES)}
-"""What the simulated chair of the shipped profile has, and a chair with sonars all round."""
-
-
-def limits_of(rangers: Sequence[Ranger]) -> Limits:
-    """The shipped speeds; a way that no sensor watches is slow."""
-    toe_deg_s = 150.0 / hypot(FRONT_MM, HALF_MM) / pi * 180.0
-    return chair_limits(
-        sensors={r.name: SourceLimits(freshness_ns=200 * MS, covers=r.covers) for r in rangers},
-        caps=Caps(500.0, 150.0, 20.0, 20.0),
-        unseen=Caps(0.0, 150.0, toe_deg_s, toe_deg_s),
-    )
-
-
-# ---- the world ------------------------------------------------------------------------------------------------------
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DeadEnd:
-    """walls: everything solid. low: the walls that the camera loses nearer than lost_mm (they are under its view).
-
-    plain_mm: the camera is blind to whatever is nearer than this (no texture); 0: it sees everything.
-    behind: walls that appear behind the chair once it was stopped (somebody has put something there).
-    """
-
-    walls: Segments
-    low: Segments
-    lost_mm: float
-    plain_mm: float
-    behind: Segments
-    length_mm: float
-    width_mm: float
-    start: tuple[float, float, float]
-
-
-def box(x: float, y: float, half_x: float, half_y: float) -> list[tuple[float, float, float, float]]:
-    """Four walls."""
-    a, b, c, d = x - half_x, y - half_y, x + half_x, y + half_y
-    return [(a, b, c, b), (c, b, c, d), (c, d, a, d), (a, d, a, b)]
-
-
-def some_dead_end(rng: Random) -> DeadEnd:
-    """A pocket of 0.9 to 2.4 m width and 1.2 to 4.5 m length with things in it, off a room of 5 m."""
-    width, length = rng.uniform(900, 2_400), rng.uniform(1_200, 4_500)
-    slant = rng.uniform(-400, 400)
-    w, room = width / 2, 2_500.0
-    walls = [
-        (0.0, w, length + slant, w),
-        (0.0, -w, length - slant, -w),
-        (length + slant, w, length - slant, -w),
-        (0.0, w, 0.0, room),
-        (0.0, -w, 0.0, -room),
-        (-2 * room, room, 0.0, room),
-        (-2 * room, -room, 0.0, -room),
-        (-2 * room, -room, -2 * room, room),
-    ]
-    if width > 1_500 and rng.random() < 0.6:  # something beside the way in, inside the pocket
-        side = rng.choice((-1, 1))
-        walls += box(rng.uniform(500, length - 300), side * (w - 150), 150, 150)
-    for _ in range(rng.choice((0, 1, 2))):  # furniture in the room, off the way in
-        walls += box(rng.uniform(-4_200, -2_400), rng.choice((-1, 1)) * rng.uniform(1_300, 2_000), 250, 250)
-    low: list[tuple[float, float, float, float]] = []
-    if rng.random() < 0.25:
-        low = box(rng.uniform(0.5, 0.9) * length, 0.0, 100, w * 0.8)
-    behind = [(0.0, 0.0, 0.0, 0.0)]  # replaced where the chair stops
-    return DeadEnd(
-        walls=np.array(walls),
-        low=np.array(low).reshape(-1, 4),
-        lost_mm=rng.uniform(620, 780),
-        plain_mm=rng.choice((0.0, 0.0, 0.0, 700.0, 900.0)),
-        behind=np.array(behind if rng.random() < 0.05 else []).reshape(-1, 4),
-        length_mm=length,
-        width_mm=width,
-        start=(-1_400.0, rng.uniform(-0.3, 0.3) * max(0.0, w - HALF_MM - MARGIN_MM), radians(rng.uniform(-4, 4))),
-    )
-
-
-def rays(segments: Segments, x: float, y: float, angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far each ray from (x, y) goes until it meets a segment, mm; inf where it meets none."""
-    if not len(segments):
-        return np.full(len(angles), inf)
-    dx, dy = np.cos(angles)[:, None], np.sin(angles)[:, None]
-    ax, ay = segments[:, 0] - x, segments[:, 1] - y
-    ex, ey = segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]
-    cross = dx * ey - dy * ex
-    with np.errstate(divide="ignore", invalid="ignore"):
-        along = (ax * ey - ay * ex) / cross
-        where = (ax * dy - ay * dx) / cross
-    hit = (along > 0.0) & (where >= 0.0) & (where <= 1.0)
-    return np.asarray(np.where(hit, along, inf).min(axis=1))
-
-
-def touches(segments: Segments, x: float, y: float, heading: float) -> bool:
-    """Whether the footprint meets a wall: clip each segment against the rectangle, in the chair's frame."""
-    c, s = cos(heading), sin(heading)
-    ends = segments.reshape(-1, 2) - (x, y)
-    local = np.stack([ends[:, 0] * c + ends[:, 1] * s, -ends[:, 0] * s + ends[:, 1] * c], axis=1).reshape(-1, 2, 2)
-    start, way = local[:, 0], local[:, 1] - local[:, 0]
-    low, high = np.array([-REAR_MM, -HALF_MM]), np.array([FRONT_MM, HALF_MM])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t1, t2 = (low - start) / way, (high - start) / way
-    inside = (start >= low) & (start <= high)
-    enter = np.where(way == 0.0, np.where(inside, -inf, inf), np.minimum(t1, t2)).max(axis=1)
-    leave = np.where(way == 0.0, np.where(inside, inf, -inf), np.maximum(t1, t2)).min(axis=1)
-    return bool(np.any((enter <= leave) & (leave >= 0.0) & (enter <= 1.0)))
-
-
-# ---- the chair ------------------------------------------------------------------------------------------------------
-@dataclass(slots=True, kw_only=True)
-class Body:
-    """Where the chair is and how it moves; it follows a command after a few ticks, and stands where it meets a wall."""
-
-    x: float
-    y: float
-    heading: float
-    speed: float = 0.0
-    turn: float = 0.0
-    touched: int = 0
-    _coming: deque[Motion] = field(default_factory=lambda: deque([STILL] * ACTING_TICKS))
-
-    def step(self, motion: Motion, walls: Segments, decel_mm_s2: float) -> None:
-        """One tick."""
-        self._coming.append(motion)
-        wanted, dt = self._coming.popleft(), TICK_NS / S
-        most = decel_mm_s2 * dt
-        self.speed = max(self.speed - most, min(self.speed + most, wanted.drive_mm_s))
-        self.turn = radians(wanted.turn_deg_s)
-        if not self.speed and not self.turn:
-            return
-        heading = self.heading + self.turn * dt
-        x, y = self.x + self.speed * cos(heading) * dt, self.y + self.speed * sin(heading) * dt
-        if touches(walls, x, y, heading):
-            self.touched += 1
-            self.speed = self.turn = 0.0
-        else:
-            self.x, self.y, self.heading = x, y, heading
-
-    def corners(self) -> NDArray[np.float64]:
-        """Of the footprint, in the world."""
-        c, s = cos(self.heading), sin(self.heading)
-        return np.asarray(CORNERS @ np.array([[c, s], [-s, c]]) + (self.x, self.y))
-
-
-def reading(ranger: Ranger, body: Body, place: DeadEnd, walls: Segments, now_ns: int, seq: int) -> RangeReading:
-    """What that sensor says now: the nearest point each way, from the footprint's outline."""
-    c, s = cos(body.heading), sin(body.heading)
-    x, y = body.x + ranger.x_mm * c - ranger.y_mm * s, body.y + ranger.x_mm * s + ranger.y_mm * c
-    angles = ranger.yaw + ranger.half_view * RAYS
-    camera = Way.AHEAD in ranger.covers
-    far = rays(np.concatenate([walls, place.low]) if not camera else walls, x, y, angles + body.heading)
-    if camera:
-        low = rays(place.low, x, y, angles + body.heading)
-        far = np.minimum(far, np.where(low < place.lost_mm, inf, low))
-    px, py = ranger.x_mm + far * np.cos(angles), ranger.y_mm + far * np.sin(angles)
-    beyond = np.maximum(np.maximum(px - FRONT_MM, -REAR_MM - px), 0.0)
-    beside = np.maximum(np.abs(py) - HALF_MM, 0.0)
-    before = np.abs(py) <= HALF_MM + MARGIN_MM
-    away = np.hypot(beyond, beside)
-    ways: dict[Way, NDArray[np.bool_]] = {
-        Way.AHEAD: before & (px > FRONT_MM),
-        Way.BEHIND: before & (px < -REAR_MM),
-        Way.LEFT: ~before & (py > 0.0),
-        Way.RIGHT: ~before & (py < 0.0),
-    }
-    said = {way: int(min(FAR_MM, np.min(away[ways[way]], initial=FAR_MM))) for way in ranger.covers}
-    if camera and said[Way.AHEAD] < place.plain_mm:
-        return RangeReading(seq=seq, captured_ns=now_ns, can_see=False, reason="plain wall")
-    fields: dict[str, Any] = {f"{way}_mm": mm for way, mm in said.items()}
-    return RangeReading(seq=seq, captured_ns=now_ns, can_see=True, **fields)
-
-
-# ---- the person -----------------------------------------------------------------------------------------------------
 @dataclass(slots=True)
 class Person:
     """Says only words that the decision has named as open: back the way the chair came, a turn, on.
@@ -291,7 +89,6 @@ class Person:
         return Command.FRONT if Way.AHEAD in ways else None
 
 
-# ---- in and out -----------------------------------------------------------------------------------------------------
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
     """How it went: the longest time until a way was named after a stop, and whether it was out, or help was called."""
