@@ -1,4 +1,4 @@
-"""A chair without pictures: sensors that are rays, and a body that follows late and stands still where it meets a wall."""
+"""A chair without pictures: sensors are rays, the body follows late and stands where it meets a wall."""
 
 from __future__ import annotations
 
