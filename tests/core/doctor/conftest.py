@@ -1,0 +1,10 @@
+"""What the doctor looks at lies beside its tests: `doctor_world`, `doctor_controller`, `doctor_faults`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+HERE = str(Path(__file__).parent)
+if HERE not in sys.path:
+    sys.path.insert(0, HERE)
