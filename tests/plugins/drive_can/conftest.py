@@ -313,6 +313,7 @@ def rnet_settings(tmp_path: Path) -> CanSettings:
             "channel": str(tmp_path / "can"),
             "acknowledged": True,
             "full_backward_mm_s": 500.0,
+            "accel_mm_s2": 1000.0,
             "rnet": FOLLOW,
             **PROVED,
         }

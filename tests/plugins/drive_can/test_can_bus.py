@@ -162,11 +162,16 @@ def test_the_signs_of_the_chair_file_turn_each_axis_round() -> None:
     assert signed(Motion(100.0, 10.0), settings(turn_sign=-1)) == Motion(100.0, -10.0)
 
 
-def test_ramps_made_here_rise_and_fall_at_their_rates_and_are_off_by_default() -> None:
-    made = settings(accel_mm_s2=500, decel_mm_s2=1000)
-    assert ramped(Motion(0.0, 0.0), Motion(300.0, 5.0), made, 0.1) == Motion(50.0, 5.0)
+def test_speed_rises_and_falls_at_its_rates_and_starts_at_half_of_them() -> None:
+    made = settings(accel_mm_s2=500, decel_mm_s2=1000, turn_accel_deg_s2=30)
+    assert ramped(Motion(0.0, 0.0), Motion(300.0, 5.0), made, 0.1) == Motion(25.0, 1.5)
+    assert ramped(Motion(100.0, 10.0), Motion(300.0, 20.0), made, 0.1) == Motion(150.0, 13.0)
     assert ramped(Motion(300.0, 5.0), Motion(0.0, 0.0), made, 0.1) == Motion(200.0, 0.0)
-    assert ramped(Motion(0.0, 0.0), Motion(300.0, 5.0), settings(), 0.1) == Motion(300.0, 5.0)
+
+
+def test_a_ramp_of_0_leaves_the_ramp_to_the_controller() -> None:
+    made = settings(accel_mm_s2=0, turn_accel_deg_s2=0)
+    assert ramped(Motion(0.0, 0.0), Motion(300.0, 5.0), made, 0.1) == Motion(300.0, 5.0)
 
 
 # what is offered ----------------------------------------------------------------------------------------------------

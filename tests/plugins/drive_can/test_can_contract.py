@@ -9,6 +9,7 @@ from chairward.testing.drive_extras import (
     ExclusivePortContract,
     PowerContract,
     RampContract,
+    SoftStartContract,
     StopInputContract,
     VersionContract,
 )
@@ -25,7 +26,13 @@ class TestRnetOverSlcan(DriveContract, RampContract, ExclusivePortContract, Meas
 
 
 class TestDbcOverVirtual(
-    DriveContract, RampContract, StopInputContract, PowerContract, ExclusivePortContract, MeasurableContract
+    DriveContract,
+    RampContract,
+    SoftStartContract,
+    StopInputContract,
+    PowerContract,
+    ExclusivePortContract,
+    MeasurableContract,
 ):
     """python-can's virtual bus has no descriptor, so the two promises about one are kept the other way round."""
 
@@ -43,7 +50,13 @@ class TestDbcOverVirtual(
 
 
 class TestDbcOverSlcan(
-    DriveContract, RampContract, StopInputContract, PowerContract, ExclusivePortContract, MeasurableContract
+    DriveContract,
+    RampContract,
+    SoftStartContract,
+    StopInputContract,
+    PowerContract,
+    ExclusivePortContract,
+    MeasurableContract,
 ):
     """The same controller behind an slcan adapter."""
 
@@ -52,7 +65,7 @@ class TestDbcOverSlcan(
         return dbc_slcan_rig
 
 
-class TestCia402OverSlcan(DriveContract, ExclusivePortContract, VersionContract, MeasurableContract):
+class TestCia402OverSlcan(DriveContract, SoftStartContract, ExclusivePortContract, VersionContract, MeasurableContract):
     """Two CANopen motor controllers behind an slcan adapter on a pty."""
 
     @pytest.fixture

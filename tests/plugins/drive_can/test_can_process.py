@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from chairward.shared_state import PIN_NAMES, SharedState
 from chairward_drive_can import rnet
 from chairward_drive_can.frames import Frame
 from chairward_drive_can.partners.rnet import RnetChair
@@ -48,6 +49,7 @@ class Chair:
         assert self.host.stdout is not None
         assert self.host.stdout.readline() == "driving\n"
         self.until(lambda: self.model.body.forward > 0.4)
+        self.host.send_signal(signal.SIGUSR1)  # from here on it is its own affair no more
 
     def close(self) -> None:
         self.host.send_signal(signal.SIGCONT)
@@ -129,16 +131,22 @@ def test_the_monitor_says_in_one_sentence_what_it_cannot_read(tmp_path: Path) ->
 
 
 def test_a_simulated_chair_runs_as_a_program_and_is_seen_live_and_recorded(tmp_path: Path) -> None:
-    port, log = tmp_path / "rnet", tmp_path / "seen.log"
+    port, log, motors = tmp_path / "rnet", tmp_path / "seen.log", tmp_path / "pins"
     code = "from chairward.cli.app import main; main()"
     program = subprocess.Popen(
-        [sys.executable, "-c", code, "sim", "rnet", "--channel", str(port)], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", code, "sim", "rnet", "--channel", port, "--pins", motors],
+        stdout=subprocess.PIPE,
+        text=True,
     )
     try:
         assert program.stdout is not None
         assert "simulated rnet on slcan" in program.stdout.readline()
         live = run("can", "monitor", "--interface", "slcan", "--channel", port, "--for", "1.5", "--log", log)
         assert live.returncode == 0, live.stderr
+        pins = SharedState.attach(motors, WAIT_S)
+        assert pins.names == PIN_NAMES
+        assert (pins.read()["drive_duty"], pins.read()["brake"]) == (0.0, 1.0)
+        pins.close()
         assert "joystick 1: forward 0, right 0" in live.stdout
         assert "modules alive" in live.stdout
         again = run("can", "monitor", log)

@@ -12,10 +12,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from chairward.shared_state import PIN_NAMES, SharedState
 from chairward_drive_pic_serial import wire
-from chairward_drive_pic_serial.commands import probe
+from chairward_drive_pic_serial.commands import pic, probe
 
 pytestmark = pytest.mark.processes  # in real time
 
@@ -113,6 +114,34 @@ def test_a_host_that_dies_or_hangs_leaves_no_motor_on(
     _until(lambda: not _driving(pins) and pins.read()["state"] != wire.State.ARMED)
     assert pins.read()["brake"] == 1
     pins.close()
+
+
+def test_the_monitor_shows_a_live_line_records_it_and_gives_everything_back(
+    start: Callable[..., subprocess.Popen[str]], tmp_path: Path
+) -> None:
+    start(SIM, str(tmp_path), "model")
+    watched, recording, shown = tmp_path / "watched", tmp_path / "exchange.txt", tmp_path / "shown.txt"
+    code = "from chairward.cli.app import main; main()"
+    with shown.open("w") as out:
+        monitor = subprocess.Popen(
+            [sys.executable, "-uc", code, "pic", "monitor", tmp_path / "pic", "--link", watched, "--record", recording],
+            stdout=out,
+            stderr=subprocess.STDOUT,
+        )
+    try:
+        _until(watched.exists)
+        start(HOST, str(watched))
+        _until(lambda: all(part in shown.read_text() for part in ("HELLO protocol 1", "DRIVE", "STATUS ARMED")))
+        monitor.send_signal(signal.SIGINT)
+        assert monitor.wait(WAIT_S) == 0
+    finally:
+        monitor.kill()
+        monitor.wait()
+    assert not os.path.lexists(watched)
+    lines = [line for line in shown.read_text().splitlines()[1:] if line]
+    read = CliRunner().invoke(pic, ["monitor", str(recording)])
+    assert read.exit_code == 0
+    assert read.output.splitlines()[: len(lines)] == lines  # Ctrl-C may have come between the two
 
 
 def test_pins_are_published_under_the_agreed_names_and_kept_fresh(

@@ -8,6 +8,8 @@ from chairward.components import DriveError, Motion
 from chairward_drive_can.settings import CanSettings
 
 ROUNDING = 1e-6
+SOFT_SHARE, SOFT_RATE = 0.1, 0.5
+"""Below a tenth of full deflection speed rises at half the rate, as in the PIC's firmware: a start without a jerk."""
 
 
 def checked(motion: Motion, settings: CanSettings) -> Motion:
@@ -60,8 +62,16 @@ def ramp(now: float, wanted: float, rise: float, fall: float, dt_s: float) -> fl
 
 
 def ramped(now: Motion, wanted: Motion, settings: CanSettings, dt_s: float) -> Motion:
-    """Both axes, each on its own ramp."""
+    """Both axes, each on its own ramp; a start is softer than what follows."""
+    ahead = settings.full_forward_mm_s if wanted.drive_mm_s >= 0 else settings.full_backward_mm_s
+    drive_rise = softened(settings.accel_mm_s2, now.drive_mm_s, ahead)
+    turn_rise = softened(settings.turn_accel_deg_s2, now.turn_deg_s, settings.full_turn_deg_s)
     return Motion(
-        ramp(now.drive_mm_s, wanted.drive_mm_s, settings.accel_mm_s2, settings.decel_mm_s2, dt_s),
-        ramp(now.turn_deg_s, wanted.turn_deg_s, settings.turn_accel_deg_s2, settings.turn_decel_deg_s2, dt_s),
+        ramp(now.drive_mm_s, wanted.drive_mm_s, drive_rise, settings.decel_mm_s2, dt_s),
+        ramp(now.turn_deg_s, wanted.turn_deg_s, turn_rise, settings.turn_decel_deg_s2, dt_s),
     )
+
+
+def softened(rise: float, now: float, full: float) -> float:
+    """The rate at which speed may rise from `now`: this limits the jerk of a start."""
+    return rise * SOFT_RATE if abs(now) < SOFT_SHARE * full else rise

@@ -149,13 +149,16 @@ class CanSettings(DriveSettings):
         default=0.0, ge=0, le=0.3, description="deflection up to which the chair stays still (fraction)"
     )
     accel_mm_s2: float = Field(
-        default=0.0, ge=0, le=5000, description="rising ramp made here; 0: the controller makes its own"
+        default=500.0,
+        ge=0,
+        le=5000,
+        description="the most that speed rises, half of it in the first tenth; 0: the controller's own ramp alone",
     )
     decel_mm_s2: float = Field(
         default=0.0, ge=0, le=5000, description="controlled stop made here; 0: the controller's own"
     )
-    turn_accel_deg_s2: float = Field(default=0.0, ge=0, le=1000, description="the same for turning")
-    turn_decel_deg_s2: float = Field(default=0.0, ge=0, le=1000, description="the same for turning")
+    turn_accel_deg_s2: float = Field(default=60.0, ge=0, le=1000, description="as accel_mm_s2, for turning")
+    turn_decel_deg_s2: float = Field(default=0.0, ge=0, le=1000, description="as decel_mm_s2, for turning")
     stale_ms: int = Field(default=50, ge=10, le=50, description="a command older than this is never sent")
     link_ms: int = Field(default=300, ge=40, le=2000, description="a controller silent for so long is lost")
     rnet: RnetSettings = Field(default=RnetSettings())

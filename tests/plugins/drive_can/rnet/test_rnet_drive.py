@@ -42,14 +42,23 @@ def test_another_joysticks_touch_counts_too(bench: Any) -> None:
 
 
 def test_following_sends_one_frame_for_each_centred_one_and_none_by_itself(bench: Any) -> None:
-    bench.armed().rest(0.1, motion=GO)
+    bench.armed().rest(0.8, motion=GO)
     before = len(bench.joystick_frames())
     bench.hear(*[rnet.joystick(1, 0, 0)] * 3)
     assert len(bench.joystick_frames()) == before + 3
-    assert {(event.x, event.y) for _, event in bench.joystick_frames()} == {(0, 50)}
+    assert {(event.x, event.y) for _, event in bench.joystick_frames()[before:]} == {(0, 50)}
     for _ in range(5):
         bench.drive.command(bench.now_ns, GO)
     assert len(bench.joystick_frames()) == before + 3
+
+
+def test_a_start_rises_frame_by_frame_and_softer_at_first(bench: Any) -> None:
+    bench.armed().rest(0.8, motion=GO)
+    rise = [event.y for _, event in bench.joystick_frames()]
+    first, full = next(i for i, y in enumerate(rise) if y > 0), rise.index(50)
+    slow, quick = rise[first + 2] - rise[first], rise[full - 2] - rise[full - 4]
+    assert 0 < slow < 0.75 * quick
+    assert rise[first:full] == sorted(rise[first:full])
 
 
 def test_a_joystick_that_falls_silent_ends_following(bench: Any) -> None:
@@ -96,7 +105,7 @@ def test_jsm_error_sends_the_calibrated_speed_and_three_errors_then_a_frame_ever
     locked.drive.arm(locked.now_ns)
     assert [frame for _, frame in locked.bus.sent] == [rnet.speed_setting(1, 20), *[rnet.network_error()] * 3]
     locked.rest(0.2, stick=None)
-    locked.rest(0.5, stick=None, motion=GO)
+    locked.rest(0.8, stick=None, motion=GO)
     frames = locked.joystick_frames()
     gaps = [then - now for (now, _), (then, _) in pairwise(frames)]
     assert set(gaps) == {10 * MS}

@@ -29,7 +29,13 @@ def late_guard(new_bench: Any, mode: str, seed: int) -> int:
     chance = random.Random(seed)
     accepted = {"takeover": mode, "hazard_accepted": MODES[mode].accept, "settle_ms": 300}
     base = CanSettings.model_validate(
-        {"dialect": "rnet", "channel": f"{mode}{seed}", "rnet": accepted, "watchdog_relay": "K1"}
+        {
+            "dialect": "rnet",
+            "channel": f"{mode}{seed}",
+            "rnet": accepted,
+            "watchdog_relay": "K1",
+            "accel_mm_s2": 0,  # so that each frame carries the very command that it was made of
+        }
     )
     bench = new_bench(base)
     bench.rest(0.5)
