@@ -15,9 +15,9 @@ import pytest
 from typer.testing import CliRunner
 
 from chairward import profile
-from chairward.check.acceptance import Result
 from chairward.check.hand import CheckHand, hand
 from chairward.check.report import Head, html
+from chairward.check.result import Curve, Result
 from chairward.check.timing import Timing, write
 from chairward.check.trial import HAND, SOURCE, on_trial
 from chairward.cli.app import app
@@ -28,6 +28,7 @@ from chairward.plugins import discover
 from chairward.profile import ProfileError
 
 ROOT = Path(__file__).resolve().parents[3]
+CURVE = Curve("deg/s", [0.0, 1.0, 2.0], [0.0, -20.0, -20.0], [None, -3.0, -19.5])
 FOUND = Timing((61.0, 92.4, 70.0), "3 times, an obstacle", date(2026, 11, 22))
 
 
@@ -117,7 +118,7 @@ class Page(HTMLParser):
 
 def test_a_failed_step_is_in_the_headline_and_nothing_in_it_is_markup() -> None:
     results = [
-        Result("sign: front", True, "front", "front", [(0.0, 0.0), (1.0, 300.0)]),
+        Result("sign: front", True, "front", "front", CURVE),
         Result("cap: <b>", False, "512 mm/s & more", "at most 500 mm/s"),
     ]
     page = Page(html(sim(), results, FOUND, Head("2026-11-22", "", ["chairward 1"])))
@@ -128,7 +129,7 @@ def test_a_failed_step_is_in_the_headline_and_nothing_in_it_is_markup() -> None:
 
 
 def test_a_chart_of_a_step_can_be_read_as_xml() -> None:
-    page = html(sim(), [Result("x", True, "", "", [(0.0, 1.0), (2.0, 3.0)])], None, Head("", "", []))
+    page = html(sim(), [Result("x", True, "", "", CURVE)], None, Head("", "", []))
     ET.fromstring(page[page.index("<svg") : page.index("</svg>") + 6])
 
 

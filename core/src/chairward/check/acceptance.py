@@ -10,14 +10,15 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass, field, replace
 
+from chairward.check.judges import Judge
+from chairward.check.result import Result, curve
 from chairward.check.stimulus import Stimulus
 from chairward.check.timing import Timing, measure
 from chairward.check.trial import HAND, Trial, TrialError, moves, told
 from chairward.components import STILL
-from chairward.facts import MS, S
+from chairward.facts import MS
 from chairward.messages import Button, Command, Way
 from chairward.records import Record
 
@@ -31,42 +32,6 @@ FULL_S = 2.0
 ATTEMPTS = 4
 MACHINE_MS = 150.0
 """Of a computer that has other things to do: granted to every step that is timed beside the chair's own limits."""
-
-
-class Judge(Protocol):
-    """Who says what cannot be seen from here: a person beside the chair, or the pins of a simulated controller.
-
-    timed: it answers at once, so that what it sees can be timed.
-    """
-
-    timed: bool
-
-    def turns(self, chair: Trial, way: Command) -> str:
-        """Which way the wheels turn now ("" for nothing), while `way` is held."""
-
-    def place(self, distance_mm: float) -> None:
-        """Put an obstacle so far ahead of the footprint."""
-
-    def clear(self) -> None:
-        """Take it away."""
-
-    def unplug(self, chair: Trial, lane: str) -> None:
-        """Unplug that lane's device."""
-
-    def plug(self, chair: Trial, lane: str) -> None:
-        """And plug it in again."""
-
-
-@dataclass(frozen=True, slots=True)
-class Result:
-    """One step: what was found, what is allowed. curve: seconds, told speed and (simulated) duty round it."""
-
-    step: str
-    ok: bool
-    found: str
-    allowed: str = ""
-    curve: Sequence[tuple[float, float]] = ()
-    picture: bytes | None = None
 
 
 @dataclass(slots=True)
@@ -109,12 +74,8 @@ class Acceptance:
                 result = step()
             except TrialError as error:
                 result = Result(name, False, str(error))
-            yield Result(name, result.ok, result.found, result.allowed, self._curve(), result.picture)
-
-    def _curve(self) -> list[tuple[float, float]]:
-        """Seconds and told speed since the step began."""
-        mine = [record for record in list(self.chair.records) if record.tick >= self._from]
-        return [((r.facts.now_ns - mine[0].facts.now_ns) / S, told(r).drive_mm_s) for r in mine]
+            turns = name.endswith((Command.LEFT, Command.RIGHT))
+            yield replace(result, step=name, curve=curve(self._since(), turns=turns))
 
     # ---- steps --------------------------------------------------------------------------------------------------
 
@@ -161,8 +122,10 @@ class Acceptance:
         """Seen where it was placed; nearer than stop_mm it closes the way, nearer than avoid_mm it slows the chair."""
         limits = self.chair.plan.limits
         closes = distance_mm <= limits.stop_mm
-        stopped = self._appears(distance_mm) if closes and self.judge.timed else ""
-        if not stopped:
+        stopped, intime, within = "", True, ""
+        if closes and self.judge.timed:
+            stopped, intime, within = self._appears(distance_mm)
+        else:
             self.judge.place(distance_mm)
         try:
             self.chair.stand()
@@ -184,26 +147,34 @@ class Acceptance:
         least, largest = distance_mm - WRONG_BY_MM, distance_mm + WRONG_BY_MM
         allowed = limits.caps.forward_mm_s if distance_mm > limits.avoid_mm else limits.avoid_mm_s
         allowed = 0.0 if closes else allowed
-        ok = most <= allowed + 1e-6 and least <= nearest <= largest
+        ok = intime and most <= allowed + 1e-6 and least <= nearest <= largest
         return Result(
             "",
             ok,
             f"{stopped}seen at {nearest} mm, then at most {most:.0f} mm/s",
-            f"{distance_mm:g} mm ± {WRONG_BY_MM:g}, at most {allowed:g} mm/s",
+            f"{within}{distance_mm:g} mm ± {WRONG_BY_MM:g}, at most {allowed:g} mm/s",
             picture=picture,
         )
 
-    def _appears(self, distance_mm: float) -> str:
-        """At full speed something appears there: how long until the drive was told to stand, and until it stood."""
+    def _appears(self, distance_mm: float) -> tuple[str, bool, str]:
+        """At full speed something appears there: when the drive was told to stand, and when it stood; whether that is
+        within what the proof of distances reckons with, and what that is."""
         self.chair.drive()
         self.chair.wait(_never, FULL_S)
-        self.chair.drive()  # a gap of a busy computer may have stopped it
+        driving = self.chair.drive()  # a gap of a busy computer may have stopped it
         placed_ns = time.monotonic_ns()
         self.judge.place(distance_mm)
         told_ns = self.chair.must(lambda r: told(r) == STILL, "a stop", 5.0, placed_ns).wrote_ns
         stands = self.chair.must(lambda r: abs(r.facts.drive.speed_mm_s or 0.0) < 1.0, "standing", 5.0, told_ns)
         told_ms, stood_ms = ((at_ns - placed_ns) / MS for at_ns in (told_ns, stands.wrote_ns))
-        return f"told to stop after {told_ms:.0f} ms, stood after {stood_ms:.0f} ms, "
+        limits = self.chair.plan.limits
+        tells_ms = limits.reaction_s * 1000.0
+        stands_ms = tells_ms + told(driving).drive_mm_s / limits.decel_mm_s2 * 1000.0
+        return (
+            f"told to stop after {told_ms:.0f} ms, stood after {stood_ms:.0f} ms, ",
+            told_ms <= tells_ms and stood_ms <= stands_ms,
+            f"told within {tells_ms:.0f} ms, standing within {stands_ms:.0f} ms, ",
+        )
 
     def _forget(self) -> None:
         """What was near and was taken away is still there for rule 6, until somebody says that it is not."""

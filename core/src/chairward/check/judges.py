@@ -5,12 +5,37 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable
+from typing import Protocol
 
 from chairward.check.stimulus import SimulatedObstacle, Stimulus
 from chairward.check.trial import Trial
 from chairward.messages import Command
 
 TURNING = 0.02
+
+
+class Judge(Protocol):
+    """Who says what cannot be seen from here: a person beside the chair, or the pins of a simulated controller.
+
+    timed: it answers at once, so that what it sees can be timed.
+    """
+
+    timed: bool
+
+    def turns(self, chair: Trial, way: Command) -> str:
+        """Which way the wheels turn now ("" for nothing), while `way` is held."""
+
+    def place(self, distance_mm: float) -> None:
+        """Put an obstacle so far ahead of the footprint."""
+
+    def clear(self) -> None:
+        """Take it away."""
+
+    def unplug(self, chair: Trial, lane: str) -> None:
+        """Unplug that lane's device."""
+
+    def plug(self, chair: Trial, lane: str) -> None:
+        """And plug it in again."""
 
 
 class Simulated:

@@ -11,7 +11,7 @@ from html import escape
 from pathlib import Path
 
 from chairward.chart import Line, chart
-from chairward.check.acceptance import Result
+from chairward.check.result import Result
 from chairward.check.timing import Timing
 from chairward.plan import Plan
 
@@ -107,7 +107,7 @@ def _figure(result: Result) -> str:
     if result.picture:
         data = base64.b64encode(result.picture).decode()
         parts.append(f'<img alt="what the camera saw: {escape(result.step)}" src="data:image/png;base64,{data}">')
-    if result.curve:
-        xs, ys = [x for x, _ in result.curve], [y for _, y in result.curve]
-        parts.append(chart(result.step, "s", "mm/s", [Line("told forward", xs, ys)]))
+    if curve := result.curve:
+        lines = [Line("told", curve.s, curve.told), Line("reported", curve.s, curve.reported)]
+        parts.append(chart(result.step, "s", curve.unit, lines))
     return "\n".join([*parts, "</figure>"])

@@ -16,9 +16,10 @@ from rich.console import Console
 from rich.prompt import Prompt
 
 from chairward import profile
-from chairward.check.acceptance import Acceptance, Judge, Result
-from chairward.check.judges import Asked, simulated
+from chairward.check.acceptance import Acceptance
+from chairward.check.judges import Asked, Judge, simulated
 from chairward.check.report import Head, html
+from chairward.check.result import Result
 from chairward.check.stimulus import FlashedScreen, Stimulus
 from chairward.check.timing import Timing, measure, values, write
 from chairward.check.trial import Trial, TrialError, trial
