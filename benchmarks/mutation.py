@@ -5,15 +5,20 @@
     .venv/bin/python benchmarks/mutation.py --only wishes --sample 100
 
 Works in copies of the tree, never in the tree itself. Mutants of annotations, which nothing evaluates, are left out.
-Each is judged by the tests of its own module alone, each rule's by those of that rule. Writes
-benchmarks/results/mutation.json, with line and branch coverage by all these tests. Ends with 1 where too few are
-killed, where a survivor has no reason in benchmarks/mutation_survivors.toml, or where a line or branch is never run.
+Each is judged by the tests of its own module alone, each rule's by those of that rule; of these only by those that
+reach the changed statement, for no other can notice. All are collected and measured once; each mutant is tried in a
+fork of that process, by the test that killed last first, then by the quickest. What no test *could* notice, by a class
+that `same_for_every_value` proves, is not tried: it counts as a survivor, with that reason.
+
+Writes benchmarks/results/mutation.json, with line and branch coverage by all these tests. Ends with 1 where too few
+are killed, where a survivor has no reason (of its class, or in benchmarks/mutation_survivors.toml), or where a line or
+branch is never run.
 """
 
 from __future__ import annotations
 
 import argparse
-import ast
+import gc
 import json
 import multiprocessing
 import os
@@ -25,14 +30,12 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 import tomllib
-from collections import Counter
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass
-from difflib import unified_diff
-from hashlib import sha256
+from functools import partial
 from inspect import unwrap
 from itertools import zip_longest
 from pathlib import Path
@@ -41,8 +44,10 @@ from types import FunctionType
 from typing import Any
 
 import pytest
+from coverage import Coverage
 from hypothesis import given, settings
 from hypothesis.strategies import integers
+from mutants import Mutant, mutants_of
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks" / "results" / "mutation.json"
@@ -54,7 +59,8 @@ MOST_CPU_S = 10
 MOST_BYTES = 4 * 1024**3
 NONE_FAILS = "no test fails"
 QUICK = {"HYPOTHESIS_PROFILE": "quick", "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
-PYTEST_INI = "[pytest]\naddopts = --import-mode=importlib -q -p no:cacheprovider\nfilterwarnings = error\n"
+PYTEST_INI = "[pytest]\naddopts = --import-mode=importlib -q -s -p no:cacheprovider\nfilterwarnings = error\n"
+
 
 OWN_TESTS = {
     "envelope": ["test_envelope.py"],
@@ -74,116 +80,45 @@ def source_of(module: str) -> str:
     return f"core/src/chairward/{module.replace('.', '/')}.py"
 
 
-@dataclass(frozen=True, slots=True)
-class Mutant:
-    """One small change of one statement at the top level of a module (mostly: a function).
-
-    was and now: the changed lines. statement: the whole statement with the change; text: the whole module with it.
-    function: the name of the function, or "". sets: the module's constants that the changed line defines; None where it
-    is neither that nor in a function's body (a class, a decorator, a default), so that only a new import shows it.
-    """
-
-    module: str
-    line: int
-    operator: str
-    was: str
-    now: str
-    statement: str
-    text: str
-    function: str
-    sets: tuple[str, ...] | None
-
-    @property
-    def key(self) -> str:
-        """The same for the same change of the same statement."""
-        return sha256(f"{self.module}\n{self.statement}".encode()).hexdigest()[:20]
-
-
-# ---- making mutants -------------------------------------------------------------------------------------------------
-def mutants_of(module: str, source: str) -> list[Mutant]:
-    """Every mutant of a module that is a program and differs in more than annotations, each once."""
-    from cosmic_ray.ast import ast_nodes, get_ast
-    from cosmic_ray.mutating import mutate_code
-    from cosmic_ray.plugins import get_operator, operator_names
-
-    found, sets, before = [], constants_of(ast.parse(source)), ""
-    operators = [make() for make in map(get_operator, operator_names()) if not make.arguments()]
-    for node in get_ast(source).children:
-        statement, function = node.get_code(), node.name.value if node.type == "funcdef" else ""
-        parts, done = list(ast_nodes(get_ast(statement))), {meaning(statement), ""}
-        for operator in operators:
-            places = [at for part in parts for at in operator.mutation_positions(part)]
-            for occurrence, (start, _) in enumerate(places):
-                mutated = mutate_code(statement, operator, occurrence)
-                if mutated is None or (said := meaning(mutated)) in done:
-                    continue
-                done.add(said)
-                line = before.count("\n") + start[0]
-                was, now = changed(statement, mutated), changed(mutated, statement)
-                text = before + mutated + source[len(before) + len(statement) :]
-                name = type(operator).__name__
-                found.append(Mutant(module, line, name, was, now, mutated, text, function, sets.get(line)))
-        before += statement
-    return found
-
-
-def meaning(source: str) -> str:
-    """The syntax tree without annotations; "" for what is no program at all."""
-    try:
-        tree = ast.parse(source)
-    except SyntaxError:
-        return ""
-    for node in ast.walk(tree):
-        match node:
-            case ast.FunctionDef():
-                node.returns = None
-            case ast.arg():
-                node.annotation = None
-            case ast.AnnAssign():
-                node.annotation = ast.Constant(None)
-    return ast.dump(tree)
-
-
-def constants_of(tree: ast.Module) -> dict[int, tuple[str, ...]]:
-    """Line -> the constants that it defines for the module; none for the lines of functions' bodies."""
-    lines: dict[int, tuple[str, ...]] = {}
-    for statement in tree.body:
-        if isinstance(statement, ast.Assign):
-            names = tuple(name.id for name in ast.walk(statement.targets[0]) if isinstance(name, ast.Name))
-            lines |= dict.fromkeys(range(statement.lineno, (statement.end_lineno or 0) + 1), names)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef):
-            lines |= dict.fromkeys(range(node.body[0].lineno, (node.end_lineno or 0) + 1), ())
-    return lines
-
-
-def changed(text: str, other: str) -> str:
-    """The lines of a text that are not in the other."""
-    difference = list(unified_diff(text.splitlines(), other.splitlines(), n=0))
-    return " ".join(line[1:].strip() for line in difference[2:] if line.startswith("-"))
-
-
 # ---- trying them ----------------------------------------------------------------------------------------------------
 class Judge:
     """A pytest plugin that collects all tests once and shows them each mutant in a forked process of its own."""
 
     def __init__(self, mutants: list[Mutant], tell: Callable[[str, str], None]) -> None:
         self.mutants, self.tell = mutants, tell
-        self.killers: Counter[str] = Counter()
+        self.lines: dict[str, dict[str, set[int]]] = {}
+        self.seconds: dict[str, float] = {}
+        self.killed_at: dict[str, int] = {}
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         """In place of pytest's own loop."""
         warm_up()
-        if (failed := verdict(session, session.items, None)) != NONE_FAILS:
-            raise SystemExit(f"{failed} fails without any mutant: mend it first")
-        for mutant in self.mutants:
-            own = [item for item in session.items if any(map(item.path.match, OWN_TESTS[mutant.module]))]
-            if mutant.module == "rules":
-                own = [item for item in own if item.path.stem.endswith(f"_{mutant.function}")] or own
-            said = verdict(session, sorted(own, key=lambda item: -self.killers[item.nodeid]), mutant)
-            self.killers[said] += 1
+        gc.freeze()  # what all forks share is not touched by their collectors
+        measured = json.loads(in_a_fork(partial(measure, session), LONGEST_S))
+        if "fails" in measured:
+            raise SystemExit(f"{measured['fails']} fails without any mutant: mend it first")
+        self.seconds = measured["seconds"]
+        self.lines = {
+            module: {nodeid: set(lines) for nodeid, lines in of_tests.items()}
+            for module, of_tests in measured["lines"].items()
+        }
+        for nth, mutant in enumerate(self.mutants):
+            items = self.judges(session, mutant)
+            said = in_a_fork(partial(first_failure, session, items, mutant))
+            self.killed_at[said] = nth
             self.tell(mutant.key, said)
         return True
+
+    def judges(self, session: pytest.Session, mutant: Mutant) -> list[pytest.Item]:
+        """The tests that may notice a mutant, the likeliest first."""
+        own = [item for item in session.items if any(map(item.path.match, OWN_TESTS[mutant.module]))]
+        if mutant.module == "rules":
+            own = [item for item in own if item.path.stem.endswith(f"_{mutant.function}")] or own
+        if not mutant.sets:
+            first, last = mutant.within
+            reached = self.lines.get(mutant.module, {})
+            own = [item for item in own if any(first <= line <= last for line in reached.get(item.nodeid, ()))]
+        return sorted(own, key=lambda item: (-self.killed_at.get(item.nodeid, -1), self.seconds[item.nodeid]))
 
 
 def warm_up() -> None:
@@ -191,18 +126,39 @@ def warm_up() -> None:
     settings(max_examples=1, database=None)(given(integers())(lambda _: None))()
 
 
-def verdict(session: pytest.Session, items: list[pytest.Item], mutant: Mutant | None) -> str:
-    """The first test that fails with this mutant (None: without any), or NONE_FAILS."""
+def measure(session: pytest.Session) -> str:
+    """Run all tests without any mutant: which one fails, or the seconds and the lines of each, as JSON."""
+    cover = Coverage(data_file=None, include=[f"*/{source_of(module)}" for module in OWN_TESTS])
+    seconds, lines = {}, {}
+    cover.start()
+    for item, following in zip_longest(session.items, session.items[1:]):
+        cover.switch_context(item.nodeid)
+        began = time.perf_counter()
+        item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+        seconds[item.nodeid] = time.perf_counter() - began
+        if session.testsfailed:
+            return json.dumps({"fails": item.nodeid})
+    cover.stop()
+    data = cover.get_data()
+    for module in OWN_TESTS:
+        of_tests: dict[str, list[int]] = {}
+        for line, nodeids in data.contexts_by_lineno(str(Path(source_of(module)).resolve())).items():
+            for nodeid in nodeids:
+                of_tests.setdefault(nodeid, []).append(line)
+        lines[module] = of_tests
+    return json.dumps({"seconds": seconds, "lines": lines})
+
+
+def in_a_fork(act: Callable[[], str], cpu_s: float = MOST_CPU_S) -> str:
+    """What `act` says in a process of its own, which may die or hang."""
     read_end, write_end = os.pipe()
     pid = os.fork()
     if pid == 0:
         os.setsid()
         resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
-        resource.setrlimit(resource.RLIMIT_CPU, (MOST_CPU_S, MOST_CPU_S))
-        if mutant:
-            put_in_place(mutant)
+        resource.setrlimit(resource.RLIMIT_CPU, (int(cpu_s), int(cpu_s)))
         with open(write_end, "w") as out:
-            out.write(first_failure(session, items))
+            out.write(act())
         os._exit(0)
     os.close(write_end)
     with open(read_end) as answer:
@@ -213,8 +169,9 @@ def verdict(session: pytest.Session, items: list[pytest.Item], mutant: Mutant | 
     return said
 
 
-def first_failure(session: pytest.Session, items: list[pytest.Item]) -> str:
-    """Run the tests one after the other until one fails."""
+def first_failure(session: pytest.Session, items: list[pytest.Item], mutant: Mutant) -> str:
+    """Run the tests one after the other until one fails; NONE_FAILS where none does."""
+    put_in_place(mutant)
     for item, following in zip_longest(items, items[1:]):
         item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
         if session.testsfailed:
@@ -299,11 +256,12 @@ def copy_tree(to: Path) -> Path:
     return to
 
 
-def judge(mutants: list[Mutant], folder: Path, processes: int) -> dict[str, str]:
-    """Key -> first failure. What the ledger knows as killed is not tried again."""
-    lines = LEDGER.read_text().splitlines() if LEDGER.exists() else []
+def judge(mutants: list[Mutant], folder: Path, processes: int, *, fresh: bool) -> dict[str, str]:
+    """Key -> first failure. What the ledger knows as killed is not tried again, unless all is to be fresh."""
+    lines = LEDGER.read_text().splitlines() if LEDGER.exists() and not fresh else []
     known: dict[str, str] = dict(json.loads(line) for line in lines)
-    todo = [mutant for mutant in mutants if known.get(mutant.key, NONE_FAILS) == NONE_FAILS]
+    known |= {mutant.key: NONE_FAILS for mutant in mutants if mutant.never_tried}
+    todo = [m for m in mutants if known.get(m.key, NONE_FAILS) == NONE_FAILS and not m.never_tried]
     print(f"{len(mutants)} mutants, {len(todo)} to try", flush=True)
     fork = multiprocessing.get_context("fork")
     answers: multiprocessing.Queue[tuple[str, str]] = fork.Queue()
@@ -367,7 +325,7 @@ def count(mutants: list[Mutant], said: dict[str, str]) -> dict[str, Any]:
                 "operator": mutant.operator,
                 "was": mutant.was,
                 "now": mutant.now,
-                "reason": reasons.get((mutant.was, mutant.now), ""),
+                "reason": mutant.never_tried or reasons.get((mutant.was, mutant.now), ""),
             }
             for mutant in survivors
         ],
@@ -396,8 +354,6 @@ def main() -> None:
     parser.add_argument("--sample", type=int, help="so many mutants of each at random; the result is printed, not kept")
     parser.add_argument("--processes", type=int, default=os.cpu_count())
     options = parser.parse_args()
-    if options.fresh:
-        LEDGER.unlink(missing_ok=True)
     tried = [options.only] if options.only else list(OWN_TESTS)
     with tempfile.TemporaryDirectory(prefix="mutation-") as folder:
         tree = copy_tree(Path(folder) / "whole")
@@ -405,7 +361,9 @@ def main() -> None:
             made = list(pool.map(mutants_of, tried, [(tree / source_of(module)).read_text() for module in tried]))
         if options.sample:
             made = [Random(0).sample(found, min(options.sample, len(found))) for found in made]
-        said = judge([mutant for found in made for mutant in found], Path(folder), options.processes)
+        said = judge(
+            [mutant for found in made for mutant in found], Path(folder), options.processes, fresh=options.fresh
+        )
         kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else {"modules": {}, "coverage": {}}
         covered = kept["coverage"] if options.only or options.sample else coverage(tree)
     found = {module: count(mutants, said) for module, mutants in zip(tried, made, strict=True)}

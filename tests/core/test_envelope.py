@@ -5,11 +5,12 @@ from __future__ import annotations
 from itertools import permutations
 from math import inf, isclose
 
+import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from chairward.components import STILL, Motion
-from chairward.envelope import CLOSED, OPEN, Caps, Envelope, binding, fit, meet, scale
+from chairward.envelope import CLOSED, OPEN, Caps, Envelope, Grip, binding, fit, meet, scale
 
 SPEED = st.sampled_from([0.0, 1.0, 20.0, 150.0, 500.0, inf]) | st.floats(0.0, 2_000.0)
 CAPS = st.builds(Caps, SPEED, SPEED, SPEED, SPEED)
@@ -78,6 +79,28 @@ def test_fitting_takes_no_more_than_it_must(motion: Motion, caps: Caps) -> None:
 def test_a_closed_way_that_is_wanted_stops_the_whole_motion() -> None:
     assert fit(Motion(300.0, 20.0), OPEN._replace(left_deg_s=0.0)) == STILL
     assert fit(Motion(300.0, 20.0), OPEN._replace(right_deg_s=0.0)) == Motion(300.0, 20.0)
+
+
+EACH_WAY = (Motion(300.0, 0.0), Motion(-300.0, 0.0), Motion(0.0, 30.0), Motion(0.0, -30.0))
+"""In the order of Caps."""
+
+
+@pytest.mark.parametrize("nth", range(4), ids=Caps._fields)
+def test_a_third_of_the_speed_allowed_is_a_third_of_the_motion_and_the_other_ways_are_free(nth: int) -> None:
+    motion = EACH_WAY[nth]
+    third = [inf] * 4
+    third[nth] = abs(motion.drive_mm_s + motion.turn_deg_s) / 3.0
+    assert scale(motion, Caps(*third)) == pytest.approx(1.0 / 3.0)
+    assert all(scale(other, Caps(*third)) == 1.0 for other in EACH_WAY if other != motion)
+
+
+@pytest.mark.parametrize("motion", EACH_WAY)
+def test_where_all_is_closed_nothing_moves(motion: Motion) -> None:
+    assert fit(motion, CLOSED) == STILL
+
+
+def test_a_gap_a_protective_stop_and_a_fault_are_three_things() -> None:
+    assert len(set(Grip)) == 3
 
 
 def test_standing_still_fits_even_where_all_is_closed() -> None:
