@@ -2,7 +2,7 @@
 
     python controller.py FOLDER        SIGUSR1 pulls the cable, SIGUSR2 puts it back, SIGTERM ends it
 
-Its port is FOLDER/pic, its pins are in FOLDER/pins, each stamped by itself.
+Its port is FOLDER/pic, its pins are in FOLDER/pins, stamped by itself; so is when the drive motor went off.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from chairward.shared_state import SharedState
 from chairward_drive_pic_serial.engine import ModelEngine
 from chairward_drive_pic_serial.sim_pic import PRIORITY, PtyEnd
 
-NAMES = ("time_ns", "drive_duty", "drive_in1", "drive_in2", "brake")
+NAMES = ("time_ns", "off_ns", "drive_duty", "drive_in1", "drive_in2", "brake")
 STEP_S = 0.001
 
 
@@ -32,7 +32,8 @@ def main(folder: Path) -> None:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))  # no chip waits for other programs
     engine, pins = ModelEngine(), SharedState.create(folder / "pins", NAMES)
     pty: PtyEnd | None = PtyEnd(folder / "pic")
-    then = time.monotonic_ns()
+    then = off_ns = time.monotonic_ns()
+    drove = False
     while signal.SIGTERM not in asked:
         if asked and pty is not None and asked[0] is signal.SIGUSR1:
             pty.close()
@@ -49,8 +50,16 @@ def main(folder: Path) -> None:
         if (data := engine.take()) and pty is not None:
             pty.write(data)
         out = engine.pins()
+        drives = out.drive_duty > 0.0 and out.drive_in1 != out.drive_in2 and not out.brake
+        off_ns = now if drove and not drives else off_ns
+        drove = drives
         pins.write(
-            time_ns=now, drive_duty=out.drive_duty, drive_in1=out.drive_in1, drive_in2=out.drive_in2, brake=out.brake
+            time_ns=now,
+            off_ns=off_ns,
+            drive_duty=out.drive_duty,
+            drive_in1=out.drive_in1,
+            drive_in2=out.drive_in2,
+            brake=out.brake,
         )
     if pty is not None:
         pty.close()

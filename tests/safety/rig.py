@@ -71,15 +71,28 @@ def duty(path: Path) -> float:
     return stamped_duty(path)[1]
 
 
+def published(path: Path) -> dict[str, float]:
+    """A controller's pins as it published them last."""
+    pins = SharedState.attach(path)
+    try:
+        return pins.read()
+    finally:
+        pins.close()
+
+
+def off_since(path: Path) -> float | None:
+    """Since when the outputs of a `controller` have been off, by its own clock (CLOCK_MONOTONIC, ns); None: they drive.
+
+    Told by the controller, not seen by who looks: on a busy machine a process may not get to look for 100 ms.
+    """
+    return None if duty(path) else published(path)["off_ns"]
+
+
 def stamped_duty(path: Path) -> tuple[float, float]:
     """When the controller published its pins last (CLOCK_MONOTONIC, ns), and the duty then."""
     if not path.exists():
         return 0.0, 0.0
-    pins = SharedState.attach(path)
-    try:
-        values = pins.read()
-    finally:
-        pins.close()
+    values = published(path)
     braking = values["brake"] or values["drive_in1"] == values["drive_in2"]
     return values["time_ns"], 0.0 if braking else values["drive_duty"]
 
