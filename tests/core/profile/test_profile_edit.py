@@ -94,7 +94,8 @@ def test_people_of_a_chair_are_listed_with_why_one_cannot_drive_it(profiles: Pat
     (profiles / "people" / "demo.toml").write_text('name = "demo"\nchair = "screen"\n', encoding="utf-8")
     (profiles / "people" / "torn.toml").write_text("name = ", encoding="utf-8")
     found = {row["name"]: row for row in json.loads(run(profiles, "people", "screen", "--json"))["people"]}
-    assert found.keys() == {"demo", "torn"}
+    assert found.keys() == {"demo", "torn", "careful"}
+    assert not found["careful"]["why"]
     assert "word" in found["demo"]["why"]
     assert "is not valid TOML" in found["torn"]["why"]
     assert "careful: stops in" in run(profiles, "people", "sim")
