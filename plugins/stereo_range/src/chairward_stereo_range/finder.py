@@ -12,6 +12,7 @@ import numpy as np
 from chairward.messages import NOTHING_NEAR_MM
 from chairward.stages import Floats, Image
 from chairward_stereo_range import thesis
+from chairward_stereo_range.aside import inner_edge_mm
 from chairward_stereo_range.drops import DropWatch
 from chairward_stereo_range.floor import FloorFit, fit_floor, split
 from chairward_stereo_range.geometry import THESIS_HEIGHT, View, disparity_range
@@ -55,6 +56,7 @@ class Spot:
     """The nearest thing one way: depth_mm along the optical axis, ahead_mm from the footprint; its row and column.
 
     top_mm: the height of its near side's top above the floor (infinite when the mount is unknown).
+    left_mm: where its inner edge is, to the left of the chair's middle.
     """
 
     depth_mm: float
@@ -63,6 +65,7 @@ class Spot:
     col: int
     pixels: int
     top_mm: float = float("inf")
+    left_mm: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,7 +234,8 @@ class RangeFinder:
         ahead = v.fb * found.distance + v.ahead_offset_mm()
         height = v.pose.z_mm + v.fb * found.depth * v.up[rows, cols]
         top = float(height.max()) if v.floor_known else float("inf")
-        return Spot(v.fb * found.depth, ahead, int(np.median(rows)), int(np.median(cols)), found.pixels, top)
+        inner = inner_edge_mm(v.pose.y_mm + v.fb * found.depth * v.left[rows, cols])
+        return Spot(v.fb * found.depth, ahead, int(np.median(rows)), int(np.median(cols)), found.pixels, top, inner)
 
     def _drop_spot(self, distance_mm: float, grid_row: int) -> Spot:
         """The floor's end as a thing: its depth is that of the floor there."""

@@ -27,6 +27,7 @@ class FloorOdometry:
         g, p = view.geometry, view.pose
         self.visible_from_mm = nearest_floor_mm(view)
         ahead = self.visible_from_mm + 20.0 + CELL_MM * np.arange(CELLS, dtype=np.float64)[::-1]
+        self.middle_mm = float(ahead.mean())
         across = CELL_MM * (np.arange(CELLS, dtype=np.float64) - CELLS / 2)
         pitch = np.radians(p.pitch_deg)
         depth = ahead * np.cos(pitch) + p.z_mm * np.sin(pitch)
