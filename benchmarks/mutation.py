@@ -69,7 +69,7 @@ OWN_TESTS = {
     "rules": ["test_rules_*.py"],
     "wishes": ["test_rules_07_*.py", "test_rules_08_latch.py"],
     "memory": ["test_rules_06_near_loss.py"],
-    "arbiter": ["test_arbiter_*.py", "test_rules_08_latch.py", "test_rules_04_avoid.py", "test_rules_07_*.py"],
+    "arbiter": ["test_arbiter_*.py", "test_rules_*.py", "test_reset_by_word.py"],
     "profile.proof": ["profile/test_proof.py"],
 }
 """The mutated modules of `chairward`, and where in tests/core their promises are kept."""
