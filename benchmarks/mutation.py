@@ -67,7 +67,7 @@ OWN_TESTS = {
     "scene": ["test_scene.py", "test_rules_02_stop_distance.py", "test_rules_05_blind.py"],
     "stopping": ["test_stopping.py"],
     "rules": ["test_rules_*.py"],
-    "wishes": ["test_rules_07_*.py", "test_rules_08_latch.py"],
+    "wishes": ["test_wishes.py", "test_rules_07_*.py", "test_rules_08_latch.py"],
     "memory": ["test_rules_06_near_loss.py"],
     "arbiter": ["test_arbiter_*.py", "test_rules_*.py", "test_reset_by_word.py"],
     "profile.proof": ["profile/test_proof.py"],
