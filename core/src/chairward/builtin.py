@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from chairward.call_help import CallHelp, CallHelpSettings
 from chairward.check.hand import CheckHand
 from chairward.components import Component, Context, NoSettings
 from chairward.hookspecs import hookimpl
@@ -20,6 +21,10 @@ CHAIRWARD_API = 1
 
 def _recorder(settings: RecorderSettings, context: Context) -> Recorder:
     return Recorder(settings, context)
+
+
+def _call_help(settings: CallHelpSettings, context: Context) -> CallHelp:
+    return CallHelp(settings, context)
 
 
 def _hand(settings: NoSettings, context: Context) -> CheckHand:
@@ -49,9 +54,12 @@ def chairward_sources() -> Sequence[Component]:
 
 @hookimpl
 def chairward_observers() -> Sequence[Component]:
-    """The recorder."""
+    """The recorder, and what is done outside when a person calls for help."""
     return [
-        Component(name="recorder", settings=RecorderSettings, make=_recorder, summary="every decision in an MCAP file")
+        Component(name="recorder", settings=RecorderSettings, make=_recorder, summary="every decision in an MCAP file"),
+        Component(
+            name="call_help", settings=CallHelpSettings, make=_call_help, summary="starts a program on a call for help"
+        ),
     ]
 
 
