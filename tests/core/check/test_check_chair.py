@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import tomllib
 import xml.etree.ElementTree as ET
@@ -54,23 +55,25 @@ def sim() -> Plan:
 @pytest.mark.timeout(480)
 def test_the_simulated_chair_is_tried_by_itself_and_the_report_says_what_was_found(tmp_path: Path) -> None:
     report = tmp_path / "acceptance.html"
-    wanted = ["not armed", "sign: front", "obstacle at 500", "stop device", "unplugged", "killed: lane panel"]
-    only = [part for name in [*wanted, "reaction", "killed: guard"] for part in ("--only", name)]
-    arguments = ["check", "chair", "--chair", "sim", "--times", "2", "--at-mm", "500", *only]
+    steps = ["not armed", "sign: front", "sign: left", "obstacle", "stop device", "hand lost", "unplugged"]
+    only = [part for name in [*steps, "killed: lane panel", "reaction", "killed: guard"] for part in ("--only", name)]
+    arguments = ["check", "chair", "--chair", "sim", "--times", "1", "--at-mm", "500", "--at-mm", "700", *only]
     result = CliRunner().invoke(app, [*arguments, "--report", str(report), "--by", "R. Tester", "--json"])
     said = json.loads(result.stdout[result.stdout.index("{") :])
     found = {step["step"]: step for step in said["steps"]}
     late = ("silent for", "recent readings", " ms")  # all that a machine which is too busy can spoil
     assert [step for step in found.values() if not step["ok"] and not any(word in step["found"] for word in late)] == []
     assert found["not armed"]["ok"]
-    assert len(found) == 8
+    assert len(found) == 11
+    appeared = found["obstacle at 500 mm"]
+    assert not appeared["ok"] or re.match(r"told to stop after \d+ ms, stood after \d+ ms, ", appeared["found"])
     assert said["passed"] == all(step["ok"] for step in found.values())
     assert result.exit_code == (0 if said["passed"] else 1)
     page = Page(report.read_text(encoding="utf-8"))
-    assert page.text.count("pass") + page.text.count("FAIL") >= 8
+    assert page.text.count("pass") + page.text.count("FAIL") >= 11
     assert "R. Tester" in page.text
     assert page.pictures >= 1, "what the camera saw of the obstacle"
-    assert page.charts == 8
+    assert page.charts == 11
 
 
 @pytest.mark.processes
