@@ -339,7 +339,8 @@ def main() -> None:
         about = {"python": platform.python_version(), "cpus": os.cpu_count(), "what": " ".join(__doc__.split())}
         before = json.loads(RESULTS.read_text())["kinds"] if RESULTS.exists() else {}
         kinds = {**before, **report(kept(options.work))}
-        RESULTS.write_text(json.dumps({**about, "kinds": kinds}, indent=1) + "\n")
+        runs, late = sum(row["runs"] for row in kinds.values()), sum(len(row["outliers"]) for row in kinds.values())
+        RESULTS.write_text(json.dumps({**about, "runs": runs, "over_bound": late, "kinds": kinds}, indent=1) + "\n")
         return
     until_s = time.monotonic() + options.minutes * 60.0
     with tempfile.TemporaryDirectory() as folder:

@@ -165,7 +165,13 @@ def report(pieces: list[Row]) -> Row:
         for name, row in kind.items():
             everything, nothing_stolen = percentiles_ms(row["all"]), percentiles_ms(row["whole"])
             kind[name] = {"pieces": row["pieces"], "ms": everything, "ms_nothing_stolen": nothing_stolen}
-    return rows
+    return {**rows, "worst_of_zoo": worst(rows["zoo"])} if "zoo" in rows else rows
+
+
+def worst(zoo: dict[str, Row]) -> Row:
+    """The animal beside which the ticks were latest."""
+    animal = max(zoo, key=lambda name: zoo[name]["ms"]["p99_9"])
+    return {"animal": animal, "p99_9": zoo[animal]["ms"]["p99_9"], "animals": len(zoo)}
 
 
 def main() -> None:

@@ -82,9 +82,9 @@ def watch(rig: Rig, seconds: float) -> list[dict[str, object]]:
 
 
 def grown(samples: list[dict[str, dict[str, int]]], name: str, what: str, warm_s: float) -> dict[str, int]:
-    """A figure at the end of warming up, at the end, and the most."""
+    """A figure at the end of warming up, at the end, the most, and by how much that is more than after warming up."""
     values = [s[name][what] for s in samples if int(s["at_s"]) >= warm_s]  # type: ignore[call-overload]
-    return {"warm": values[0], "end": values[-1], "most": max(values)}
+    return {"warm": values[0], "end": values[-1], "most": max(values), "grew": max(values) - values[0]}
 
 
 def main() -> None:

@@ -300,6 +300,7 @@ def coverage(tree: Path) -> dict[str, Any]:
         "lines_run": total["covered_lines"],
         "branches": total["num_branches"],
         "branches_run": total["covered_branches"],
+        "percent": total["percent_covered"],
         "missing": {
             Path(name).stem: {"lines": file["missing_lines"], "branches": file["missing_branches"]}
             for name, file in report["files"].items()

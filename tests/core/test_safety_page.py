@@ -6,6 +6,7 @@ import importlib
 import json
 import re
 from pathlib import Path
+from urllib.parse import unquote
 
 import pytest
 
@@ -16,7 +17,10 @@ PAGE = (ROOT / "docs" / "safety.md").read_text()
 TESTS = sorted(set(re.findall(r"`(tests/[\w/]+\.py)(?:::(\w+))?`", PAGE)))
 CODE = sorted(set(re.findall(r"`([a-z]+(?:\.[a-z_]+)*)\.([A-Za-z_]+)`", PAGE)))
 RESULTS = sorted(set(re.findall(r"[`/(](benchmarks/[\w/]+\.(?:json|py))[`)#]", PAGE)))
-FIGURES = re.findall(r"\[([\d,.]+)\]\(\.\./(benchmarks/results/\w+\.json)#([\w./]+)\)", PAGE)
+FIGURES = re.findall(r"\[([\d,.]+)\]\(\.\./(benchmarks/results/\w+\.json)#([\w./%,]+)\)", PAGE)
+TARGETS = re.findall(
+    r"^\| ([^|]+) \| at (most|least) ([\d,.]+)[^|]*\| \[([\d,.]+)\][^|]*\| ([a-z*]+) \|$", PAGE, re.MULTILINE
+)
 HAZARDS = [line for line in PAGE.splitlines() if re.match(r"\| H\d+ \|", line)]
 CLAUSES = ("7.2", "7.3", "7.4", "8.3", "8.7", "8.9", "8.11.3")
 EIGHT = ("watchdog", "dead-man", "over-current", "SIGKILL", "tilt", "low battery", "CAN fault", "link loss")
@@ -36,10 +40,23 @@ def test_named_evidence_exists(path: str) -> None:
 @pytest.mark.parametrize(("figure", "path", "key"), FIGURES, ids=lambda part: part)
 def test_a_quoted_figure_is_the_one_in_its_file(figure: str, path: str, key: str) -> None:
     found = json.loads((ROOT / path).read_text())
-    for part in key.split("/"):
+    for part in map(unquote, key.split("/")):
         found = found[int(part)] if isinstance(found, list) else found[part]
     said = figure.replace(",", "")
     assert float(said) == round(found, len(said.partition(".")[2])), f"docs/safety.md: {path}#{key} is {found}"
+
+
+@pytest.mark.parametrize(("what", "side", "target", "figure", "verdict"), TARGETS, ids=lambda part: part[:40])
+def test_a_target_that_is_missed_is_called_missed(what: str, side: str, target: str, figure: str, verdict: str) -> None:
+    aim, got = (float(number.replace(",", "")) for number in (target, figure))
+    kept = got <= aim if side == "most" else got >= aim
+    assert verdict == ("kept" if kept else "**missed**"), f"docs/safety.md: {what}"
+
+
+def test_every_line_of_the_targets_is_compared() -> None:
+    section = PAGE.partition("## Targets")[2].partition("\n## ")[0]
+    _, _, *rows = [line for line in section.splitlines() if line.startswith("|")]
+    assert len(TARGETS) == len(rows) > 0
 
 
 @pytest.mark.parametrize(("module", "name"), [pair for pair in CODE if pair[1] != "py"], ids=lambda part: part)
