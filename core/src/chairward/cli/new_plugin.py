@@ -21,4 +21,5 @@ def new_plugin(
     except ScaffoldError as error:
         typer.echo(f"chairward: {error}", err=True)
         raise typer.Exit(2) from error
-    typer.echo(f"{folder}: now  cd {folder}  and  pip install -e '.[testing]'  and  pytest -x")
+    typer.echo(f"{folder}: now  uv pip install -e '{folder}[testing]'  and  pytest -x {folder}")
+    typer.echo("(with ./run before each in a checkout)")
