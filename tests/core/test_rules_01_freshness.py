@@ -83,7 +83,9 @@ def test_a_time_in_the_future_is_silence_too(name: str) -> None:
 
 
 def test_a_missing_heartbeat_or_veto_is_silence() -> None:
-    assert [vote.source for vote in votes(healthy(LIMITS, alive={}, vetoes={}))] == [TILT, VOICE, PANEL]
+    missing = votes(healthy(LIMITS, alive={}, vetoes={}))
+    assert [vote.source for vote in missing] == [TILT, VOICE, PANEL]
+    assert {vote.detail for vote in missing} == {"has said nothing yet"}
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])

@@ -105,3 +105,11 @@ def test_the_same_word_does_not_move_into_it() -> None:
     assert refused.motion == STILL
     assert not refused.protective_stop, "nothing was moving: a word is refused, no stop took place"
     assert ride.state.wish is None
+
+
+@pytest.mark.parametrize("mm", [0, 100])
+@pytest.mark.parametrize(
+    ("way", "nth"), [("ahead_mm", 0), ("behind_mm", 1), ("left_mm", 2), ("right_mm", 3)], ids=Caps._fields
+)
+def test_what_is_much_too_near_closes_its_way_too(way: str, nth: int, mm: int) -> None:
+    assert caps_for({way: mm})[nth] == 0.0

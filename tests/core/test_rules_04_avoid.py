@@ -36,7 +36,7 @@ def went_past(limits: Limits = LIMITS, *, words: tuple[Command, ...] = (Command.
     return ride.tick(times=10)
 
 
-@pytest.mark.parametrize(("ahead", "slow"), [(600, False), (601, True), (750, True), (751, False)])
+@pytest.mark.parametrize(("ahead", "slow"), [(300, False), (600, False), (601, True), (750, True), (751, False)])
 def test_between_stop_and_avoid_the_way_ahead_is_slow(ahead: int, slow: bool) -> None:
     facts = healthy(LIMITS, ranges={FRONT: readings(START_NS, ahead_mm=ahead)})
     expected = OPEN._replace(forward_mm_s=200.0) if slow else OPEN
@@ -48,7 +48,13 @@ def test_the_freer_side_must_be_clear_by_the_reading_that_saw_the_obstacle() -> 
     assert side(front_range={**near, "left_mm": 900, "right_mm": 800}) == 1.0
     assert side(front_range={**near, "left_mm": 800, "right_mm": 900}) == -1.0
     assert side(front_range={**near, "left_mm": 750, "right_mm": 700}) == 0.0, "freer, but not clear"
+    assert side(front_range={**near, "left_mm": 500, "right_mm": 400}) == 0.0, "freer, but near"
     assert side(front_range={**near, "left_mm": 900, "right_mm": 900}) == 0.0, "no side is freer"
+    assert side(front_range={**near, "left_mm": int("900"), "right_mm": int("900")}) == 0.0, (
+        "equal, not the same object"
+    )
+    assert side(front_range={"ahead_mm": 600, "left_mm": 900, "right_mm": 800}) == 0.0, "stopped, nothing to pass"
+    assert side(front_range={"ahead_mm": 300, "left_mm": 900, "right_mm": 800}) == 0.0, "stopped, nothing to pass"
     assert side(front_range=near) == 0.0, "a side that is not sensed is not clear"
     assert side(front_range={**near, "left_mm": None, "right_mm": 900}) == -1.0
     assert side(front_range={"ahead_mm": 800, "left_mm": 900, "right_mm": 800}) == 0.0, "nothing to avoid"

@@ -59,6 +59,7 @@ def test_only_the_covered_ways_of_the_blind_sensor_are_touched() -> None:
 
 def test_a_seeing_sensor_of_another_lane_allows_the_crawl_the_chair_file_gives() -> None:
     assert meet(votes(with_other(SONAR), front_range=3)).forward_mm_s == 80.0
+    assert meet(votes(with_other("aside/range"), front_range=3)).forward_mm_s == 80.0
     assert meet(votes(with_other(SONAR, crawl=0.0), front_range=3)).forward_mm_s == 0.0
 
 
