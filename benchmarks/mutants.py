@@ -65,7 +65,7 @@ def mutants_of(module: str, source: str) -> list[Mutant]:
                 text = before + mutated + source[len(before) + len(statement) :]
                 name = type(operator).__name__
                 why = SAME_MEMBER if same_for_every_value(statement, mutated) else ""
-                within = statements[line]
+                within = statements.get(line, (line, line))  # a decorator belongs to none
                 found.append(Mutant(module, line, name, was, now, mutated, text, function, sets.get(line), within, why))
         before += statement
     return found
