@@ -8,7 +8,7 @@ from pathlib import Path
 
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import FileResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.responses import FileResponse, HTMLResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
@@ -20,15 +20,9 @@ from chairward_dashboard.pages import Pages
 from chairward_dashboard.settings import DashboardSettings
 
 STATIC = Path(__file__).parent / "static"
-PAGES = {
-    "/": "index.html",
-    "/live": "live.html",
-    "/words": "words.html",
-    "/person": "person.html",
-    "/plugins": "plugins.html",
-    "/stops": "stops.html",
-    "/calibrate": "calibrate.html",
-}
+PAGES = {"/": "index.html", "/live": "live.html"}
+SETUP = ("words", "person", "plugins", "stops", "calibrate")
+"""Pages with the same frame, setup.html; what is theirs alone is in setup/NAME.html."""
 FORM_BYTES = 256
 
 
@@ -40,6 +34,7 @@ def make_site(settings: DashboardSettings, pages: Pages, pairing: Pairing | None
 
     routes: list[BaseRoute] = [
         *(Route(path, _file(name)) for path, name in PAGES.items()),
+        *(Route(f"/{name}", _set_up(name)) for name in SETUP),
         Route("/pair", _pair(pairing), methods=["GET", "POST"]),
         WebSocketRoute("/ws", talk),
         *more,
@@ -52,6 +47,15 @@ def _file(name: str) -> Callable[[Request], Awaitable[Response]]:
     async def page(request: Request) -> Response:
         del request
         return FileResponse(STATIC / name)
+
+    return page
+
+
+def _set_up(name: str) -> Callable[[Request], Awaitable[Response]]:
+    async def page(request: Request) -> Response:
+        del request
+        frame, own = ((STATIC / file).read_text(encoding="utf-8") for file in ("setup.html", f"setup/{name}.html"))
+        return HTMLResponse(frame.replace("{page}", name).replace("{body}", own.rstrip("\n")))
 
     return page
 
