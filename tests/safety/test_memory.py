@@ -1,16 +1,20 @@
-"""The guard's own work leaves nothing behind (benchmarks/memory.py watches whole processes for an hour)."""
+"""What guard and supervisor do again and again leaves nothing behind (benchmarks/memory.py looks on for an hour)."""
 
 from __future__ import annotations
 
 import gc
 import sys
+from pathlib import Path
 
-from chairward import records
+from rig import load
+
+from chairward import records, wire
 from chairward.arbiter import decide
 from chairward.border import Border
 from chairward.facts import MS, State
 from chairward.messages import Alive, Command, DriveStatus, Intent, Message, Parcel, RangeReading
 from chairward.plan import LanePlan, Part
+from chairward.supervisor import Supervisor
 from chairward.testing.ride import START_NS, chair_limits
 from chairward.wire import encode_parcel
 
@@ -31,8 +35,11 @@ class Chair:
         body = encode_parcel(Parcel(stage=LANES[lane], body=message))
         self.border.take(lane, body, START_NS + self.nth * 20 * MS)
 
-    def tick(self) -> None:
-        """Readings near and far, words, rubbish, lanes that are lost and come back, a controller that disarms."""
+    def tick(self) -> bytes:
+        """Readings near and far, words, rubbish, lanes that are lost and come back, a controller that disarms.
+
+        Returns the record of the decision.
+        """
         self.nth += 1
         nth, now = self.nth, START_NS + self.nth * 20 * MS
         self.send("front", RangeReading(seq=nth, captured_ns=now, can_see=nth % 7 > 0, ahead_mm=400 + nth * 37 % 3_000))
@@ -52,7 +59,7 @@ class Chair:
         self.state, decision = decide(before, facts, self.limits)
         if self.state.latch:
             self.state = State(latch="", armed=True)
-        records.encode(
+        return records.encode(
             records.Record(
                 tick=nth,
                 due_ns=now,
@@ -77,3 +84,20 @@ def test_thousands_of_decisions_in_all_kinds_of_trouble_leave_nothing_behind() -
         chair.tick()
     gc.collect()
     assert sys.getallocatedblocks() - before < BLOCKS_ALLOWED
+
+
+def test_thousands_of_records_leave_nothing_behind_in_the_supervisor(tmp_path: Path) -> None:
+    chair, supervisor = Chair(), Supervisor(load(tmp_path), tmp_path, lambda record: None)
+    guard_end, supervisor._records = wire.pair()
+
+    def look_on(times: int) -> int:
+        for _ in range(times):
+            guard_end.send(chair.tick())
+            supervisor._read_records()
+        gc.collect()
+        return sys.getallocatedblocks()
+
+    before = look_on(500)
+    assert look_on(1_500) - before < BLOCKS_ALLOWED
+    guard_end.close()
+    supervisor._records.close()
