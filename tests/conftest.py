@@ -2,16 +2,22 @@
 laws are tried: judged by what they find, not by how busy the machine is; with CI=true always the same cases, so that
 what lands can be told from what was found by chance.
 
+A test of real processes in real time says nothing on a machine that did not run it: one that failed while this process
+itself was kept waiting is tried again, from nothing, and that is told at the end.
+
 HYPOTHESIS_PROFILE=quick: few cases, always the same, for benchmarks/mutation.py, which asks only whether a test fails.
 """
 
 from __future__ import annotations
 
 import os
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from _pytest.runner import runtestprotocol
 from hypothesis import HealthCheck, Phase, settings
 
 settings.register_profile("chairward", deadline=None, derandomize=os.environ.get("CI") == "true")
@@ -24,6 +30,13 @@ settings.register_profile(
     suppress_health_check=list(HealthCheck),
 )
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "chairward"))
+
+ATTEMPTS = 3
+GAP_S = 0.1
+"""Kept waiting so long, a process of the chair misses its bounds: a guard ticks every 20 ms."""
+AWAY_S = 0.3
+"""Gaps of so much together count as a machine that was away."""
+AGAIN = pytest.StashKey[list[str]]()
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 
@@ -45,3 +58,50 @@ def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
         reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
         report.outcome = "failed"
         report.longrepr = f"{item.nodeid}: skipped, and with CI=true nothing may be: {reason}"
+
+
+class Away:
+    """How long this process asked for the processor and was kept waiting, in gaps of GAP_S and more."""
+
+    def __enter__(self) -> Away:
+        self.total_s = 0.0
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _watch(self) -> None:
+        before = time.monotonic()
+        while not self._over.wait(0.01):
+            now = time.monotonic()
+            self.total_s += now - before if now - before >= GAP_S else 0.0
+            before = now
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
+    """Tests marked `processes`: once, or again where they failed while the machine was away."""
+    if item.get_closest_marker("processes") is None:
+        return None
+    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
+    for attempt in range(1, ATTEMPTS + 1):
+        with Away() as away:
+            reports = runtestprotocol(item, nextitem=nextitem, log=False)
+        if attempt == ATTEMPTS or away.total_s < AWAY_S or not any(report.failed for report in reports):
+            break
+        item.config.stash.setdefault(AGAIN, []).append(f"{item.nodeid} (away {away.total_s:.1f} s)")
+        item.session._setupstate.teardown_exact(None)  # nothing of the attempt is left, whatever its scope
+    for report in reports:
+        item.ihook.pytest_runtest_logreport(report=report)
+    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+    return True
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Say which tests were tried again."""
+    for line in config.stash.get(AGAIN, []):
+        terminalreporter.write_line(f"tried again, for this machine kept it waiting: {line}")
