@@ -173,10 +173,8 @@ class RangeFinder:
         drop = self._drops.edge_mm(floor, below) if self._drops is not None else None
         third = d.shape[1] // 3
         low_enough = above & self.region.passable(depth)
-        left = self._spot(full, low_enough & _columns(d.shape, 0, third), match.sharp, rough=True)
-        right = self._spot(
-            full, low_enough & _columns(d.shape, d.shape[1] - third, d.shape[1]), match.sharp, rough=True
-        )
+        left = self._spot(full, low_enough, match.sharp, slice(0, third))
+        right = self._spot(full, low_enough, match.sharp, slice(d.shape[1] - third, d.shape[1]))
         sides_seen = (_share_known(known[:, :third]), _share_known(known[:, d.shape[1] - third :]))
         coverage = float((known & region).sum()) / max(1, int(region.sum()))
         ceiling = np.inf if ahead is None else RELIEF * v.fb / ahead.depth_mm + 1.5 * self.scale
@@ -210,8 +208,11 @@ class RangeFinder:
         """Does the lower half of the region, where a near thing must stand, repeat itself along its rows?"""
         mask = self.region.grid_mask
         half = mask.shape[0] // 2
-        low = mask[half:]
-        repeats = periodic(match.small[half:], self.count // 2, match.sigma)
+        low, small = mask[half:], match.small[half:]
+        if (k := round(self.scale)) > 1:  # a pattern that could be mistaken is as large as at 240 rows
+            low = low[: low.shape[0] // k * k : k, : low.shape[1] // k * k : k]
+            small = opencv().resize(small, low.shape[::-1], interpolation=opencv().INTER_AREA)
+        repeats = periodic(small, self.count // 2 // max(1, k), match.sigma)
         return bool((repeats & low).sum() > REPEATING_SHARE * max(1, int(low.sum())))
 
     def _whole(self, strip: Floats) -> Floats:
@@ -224,18 +225,22 @@ class RangeFinder:
         out[self.top : self.bottom, : 2 * grid.shape[1]] = np.repeat(np.repeat(grid, 2, axis=0), 2, axis=1)
         return out
 
-    def _spot(self, full: Floats, candidates: Bools, sharp: Bools, rough: bool = False) -> Spot | None:
+    def _spot(self, full: Floats, candidates: Bools, sharp: Bools, side: slice | None = None) -> Spot | None:
+        """The nearest thing; roughly, when only looked for in the columns of one side."""
         v = self.view
-        g, quantile = v.geometry, QUANTILE if v.floor_known else NEAR_SIDE
-        found = nearest(full, candidates, sharp, self._forward, self._trust, g.baseline_mm, self.scale, rough, quantile)
+        g, quantile, cols = v.geometry, QUANTILE if v.floor_known else NEAR_SIDE, side or slice(None)
+        found = nearest(
+            full[:, cols], candidates[:, cols], sharp[:, cols], self._forward[:, cols], self._trust[:, cols],
+            g.baseline_mm, self.scale, side is not None, quantile,
+        )  # fmt: skip
         if found is None:
             return None
-        rows, cols = found.rows * 2 + self.top, found.cols * 2
+        rows, columns = found.rows * 2 + self.top, (found.cols + (cols.start or 0)) * 2
         ahead = v.fb * found.distance + v.ahead_offset_mm()
-        height = v.pose.z_mm + v.fb * found.depth * v.up[rows, cols]
+        height = v.pose.z_mm + v.fb * found.depth * v.up[rows, columns]
         top = float(height.max()) if v.floor_known else float("inf")
-        inner = inner_edge_mm(v.pose.y_mm + v.fb * found.depth * v.left[rows, cols])
-        return Spot(v.fb * found.depth, ahead, int(np.median(rows)), int(np.median(cols)), found.pixels, top, inner)
+        inner = inner_edge_mm(v.pose.y_mm + v.fb * found.depth * v.left[rows, columns])
+        return Spot(v.fb * found.depth, ahead, int(np.median(rows)), int(np.median(columns)), found.pixels, top, inner)
 
     def _drop_spot(self, distance_mm: float, grid_row: int) -> Spot:
         """The floor's end as a thing: its depth is that of the floor there."""
@@ -273,12 +278,6 @@ class RangeFinder:
 
 def _share_known(known: Bools) -> bool:
     return bool(known.mean() >= SIDE_COVERAGE)
-
-
-def _columns(shape: tuple[int, ...], start: int, end: int) -> Bools:
-    mask = np.zeros(shape, bool)
-    mask[:, start:end] = True
-    return mask
 
 
 def reported_mm(spot: Spot | None) -> int:

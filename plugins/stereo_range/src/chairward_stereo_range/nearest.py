@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -83,15 +83,27 @@ def nearest(
     if rough:
         return _measured(disparity, member, forward, quantile)
     need = max(least, MIN_AREA_MM2 / 4 * (centre[i] / baseline_mm) ** 2)
+    box = _around(member)
+    disparity, member, sharp, forward = disparity[box], member[box], sharp[box], forward[box]
     whole = without_specks(np.where(member, disparity, np.nan).astype(np.float32), int(need), 1.0 * scale)
     if np.isfinite(whole).any():
-        member &= np.isfinite(whole)
+        member = member & np.isfinite(whole)
     if int((member & sharp).sum()) >= need / 2:
-        member &= sharp
+        member = member & sharp
     smooth = _smoothed(disparity, member)
     if int(np.isfinite(smooth).sum()) < least / 2:
         smooth = disparity
-    return _measured(smooth, np.isfinite(smooth) & member, forward, quantile)
+    found = _measured(smooth, np.isfinite(smooth) & member, forward, quantile)
+    return replace(found, rows=found.rows + box[0].start, cols=found.cols + box[1].start)
+
+
+def _around(member: npt.NDArray[np.bool_]) -> tuple[slice, slice]:
+    """The rows and columns that hold the members, and the smoothing's margin."""
+    ends = []
+    for axis in (1, 0):
+        at = np.flatnonzero(member.any(axis=axis))
+        ends.append(slice(max(0, int(at[0]) - SMOOTH // 2), int(at[-1]) + 1 + SMOOTH // 2))
+    return ends[0], ends[1]
 
 
 def _measured(disparity: Floats, member: npt.NDArray[np.bool_], forward: Floats, quantile: float) -> Nearest:

@@ -25,6 +25,8 @@ AGREE_PX = 2.5
 BRIDGE_PX = 1.5
 """How far a bridged value may lie from the straight line between its rims."""
 SPECK_PIXELS = 12
+LARGE = 1.5
+"""Pictures of so many times 240 rows are proposed at a quarter of their size: full size confirms in any case."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +50,10 @@ class Pyramid:
     """Both matchers for one search range. fine: rows (first, end) of the strip in which blocks confirm."""
 
     def __init__(self, first: int, count: int, scale: float, fine: tuple[int, int]) -> None:
-        half_count = max(16, int(np.ceil(count / 2 / 16)) * 16)
-        self._coarse: Matcher = semi_global_matcher(first // 2, half_count, "sgbm_3way")
+        self._coarser = 2 if scale >= LARGE else 1
+        shrink = 2 * self._coarser
+        coarse_count = max(16, int(np.ceil(count / shrink / 16)) * 16)
+        self._coarse: Matcher = semi_global_matcher(first // shrink, coarse_count, "sgbm_3way")
         self._first, self._count = first, count
         self._fine = {n: block_matcher(first, n, block=9) for n in range(16, count + 1, 16)}
         self._scale = scale
@@ -58,7 +62,7 @@ class Pyramid:
     def __call__(self, left: Image, right: Image) -> Match:
         """left, right: grey strips, h x w with h and w even."""
         small_left, small_right = half_size(left), half_size(right)
-        raw = self._coarse(small_left, small_right)
+        raw = self._proposed(small_left, small_right)
         sigma = noise_sigma(small_left)
         texture = textured(small_left, sigma)
         proposal = without_specks(np.where(texture, raw, np.nan), round(SPECK_PIXELS * self._scale**2), 1.0)
@@ -76,6 +80,15 @@ class Pyramid:
         sharp = np.zeros(fused.shape, bool)
         sharp[top // 2 : end // 2] = np.isfinite(confirmed)
         return Match(fused.astype(np.float32), texture, sharp, precise, sigma, small_left)
+
+    def _proposed(self, left: Image, right: Image) -> Floats:
+        """Semi-global matching of the half-size strips, px of theirs; of large pictures at half their size again."""
+        if self._coarser == 1:
+            return self._coarse(left, right)
+        cv2 = opencv()
+        found = self._coarse(half_size(left), half_size(right)) * np.float32(2.0)
+        size = (found.shape[1] * 2, found.shape[0] * 2)
+        return np.asarray(cv2.resize(found, size, interpolation=cv2.INTER_NEAREST)[: left.shape[0], : left.shape[1]])
 
     def _needed(self, proposal: Floats) -> int:
         """How many disparities the blocks must search to reach all that is proposed: most rooms are empty nearby."""
@@ -105,20 +118,20 @@ def mean_of_four(values: Floats) -> Floats:
 
 def bridged(raw: Floats, trusted: Floats, tolerance: float) -> Floats:
     """Raw values of untrusted pixels that lie on the straight line between the trusted ends of their row's gap."""
-    h, w = raw.shape
+    w = raw.shape[1]
     known = np.isfinite(trusted)
-    columns = np.arange(w)
-    before = np.maximum.accumulate(np.where(known, columns, -1), axis=1)
-    after = np.minimum.accumulate(np.where(known, columns, w)[:, ::-1], axis=1)[:, ::-1]
-    both = ~known & (before >= 0) & (after < w)
-    rows = np.arange(h)[:, None]
-    start = trusted[rows, np.clip(before, 0, w - 1)]
-    end = trusted[rows, np.clip(after, 0, w - 1)]
-    share = (columns - before) / np.maximum(after - before, 1)
+    columns = np.arange(w, dtype=np.int32)
+    before = np.maximum.accumulate(np.where(known, columns, np.int32(-1)), axis=1)
+    after = np.minimum.accumulate(np.where(known, columns, np.int32(w))[:, ::-1], axis=1)[:, ::-1]
+    out = np.full(raw.shape, np.nan, np.float32)
+    rows, at = np.nonzero(~known & (before >= 0) & (after < w))
+    first, last = before[rows, at], after[rows, at]
+    start, end, value = trusted[rows, first], trusted[rows, last], raw[rows, at]
+    line = start + (end - start) * ((at - first) / (last - first)).astype(np.float32)
     with np.errstate(invalid="ignore"):
-        line = start + (end - start) * share
-        fits = both & (np.abs(raw - line) <= tolerance)
-    return np.where(fits, raw, np.nan).astype(np.float32)
+        fits = np.abs(value - line) <= tolerance
+    out[rows[fits], at[fits]] = value[fits]
+    return out
 
 
 def without_specks(disparity: Floats, max_pixels: int, jump_px: float) -> Floats:

@@ -52,13 +52,14 @@ def periodic(small: Image, most_px: int, sigma: float) -> npt.NDArray[np.bool_]:
     profile = small[: bands * BAND_ROWS].reshape(bands, BAND_ROWS, w).mean(axis=1, dtype=np.float32)
     side = (PERIOD_WINDOW, 1)
     contrast = cv2.blur(np.abs(profile - cv2.blur(profile, side)), side)
-    shifts = np.arange(2, most_px + 1)
-    ahead = np.pad(profile, ((0, 0), (0, most_px)), constant_values=1e6)
-    moved = np.stack([ahead[:, s : s + w] for s in shifts])
-    difference = cv2.blur(np.abs(moved - profile).reshape(-1, w), side).reshape(moved.shape)
-    unlike = np.logical_or.accumulate((difference > UNLIKE * contrast) & (difference < 1e3), axis=0)
-    alike = difference < ALIKE * contrast
-    found = (unlike & alike).any(axis=0) & (contrast > max(1.5, sigma))
+    ahead = np.full((bands, w + most_px), 1e6, np.float32)
+    ahead[:, :w] = profile
+    moved = np.lib.stride_tricks.sliding_window_view(ahead, w, axis=1)[:, 2 : most_px + 1]
+    difference = cv2.blur(np.abs(moved - profile[:, None]).reshape(-1, w), side).reshape(moved.shape)
+    unlike = (difference > UNLIKE * contrast[:, None]) & (difference < 1e3)
+    since = np.where(unlike.any(axis=1), unlike.argmax(axis=1), most_px)
+    alike = (difference < ALIKE * contrast[:, None]) & (np.arange(moved.shape[1])[:, None] > since[:, None])
+    found = alike.any(axis=1) & (contrast > max(1.5, sigma))
     out = np.zeros((h, w), bool)
     out[: bands * BAND_ROWS] = np.repeat(found, BAND_ROWS, axis=0)
     return out
