@@ -257,7 +257,7 @@ def test_a_lane_that_closes_its_line_is_named_and_stops_the_chair() -> None:
     with rig() as r:
         r.drive_off()
         r.lane.shutdown(socket.SHUT_RDWR)
-        end = time.monotonic() + 2.0
+        end = time.monotonic() + 20.0
         while r.moving() and time.monotonic() < end:
             wire.send_control(r.control, wire.Heartbeat())
             r.read()
@@ -271,7 +271,7 @@ def test_a_supervisor_that_is_gone_stops_the_chair_and_ends_the_guard() -> None:
         r.drive_off()
         r.drive.told.clear()
         r.control.shutdown(socket.SHUT_RDWR)
-        r.thread.join(4.0)
+        r.thread.join(30.0)
         assert r.code == [0]
         assert ("command", STILL, True) in r.drive.told
         assert r.drive.told[-1][0] == "close"

@@ -17,10 +17,11 @@ import pytest
 
 from chairward.components import DriveError, Motion
 from chairward.testing.drive_rig import DriveRig, Heard
-from chairward_drive_can import data, rnet, slcan
+from chairward_drive_can import rnet, slcan
 from chairward_drive_can.bus import Bus, LibraryBus, open_bus
 from chairward_drive_can.dbc import load
 from chairward_drive_can.drive import CanDrive
+from chairward_drive_can.example import EXAMPLE_TABLE
 from chairward_drive_can.frames import Frame
 from chairward_drive_can.make import make
 from chairward_drive_can.partners.body import Body
@@ -33,28 +34,11 @@ from chairward_drive_can.settings import CanSettings
 STEP_NS = 1_000_000
 PROVED: dict[str, Any] = {"silence_stop_ms": 200, "silence_stop_measured": date(2026, 11, 22), "link_ms": 200}
 FOLLOW = {"takeover": "follow", "hazard_accepted": "two senders, the chair may jerk", "settle_ms": 300}
-EXAMPLE = Path(data.__path__[0]) / "example.dbc"
-DBC_TABLE: dict[str, Any] = {
-    "file": str(EXAMPLE),
-    "forward": "Drive.Forward",
-    "turn": "Drive.Turn",
-    "enable": "Drive.Mode",
-    "enable_stop": 2,
-    "counter": "Drive.Counter",
-    "checksum": "Drive.Check",
-    "speed": "Status.Speed",
-    "turning": "Status.Turning",
-    "fault": "Status.Fault",
-    "stopped_by_user": "Status.UserStop",
-    "armed": "Status.Armed",
-    "battery": "Status.Battery",
-    "charging": "Status.Charging",
-}
 
 
 def settle(descriptor: int, size: int) -> None:
     """The kernel hands a pty's bytes over in its own time; the tests' clock waits until `size` of them are there."""
-    end = time.monotonic() + 2.0
+    end = time.monotonic() + 20.0
     while int.from_bytes(fcntl.ioctl(descriptor, termios.FIONREAD, b"\0" * 4), sys.byteorder) < size:
         assert time.monotonic() < end, "the pty has lost bytes"
         os.sched_yield()
@@ -340,7 +324,7 @@ def dbc_settings(tmp_path: Path) -> CanSettings:
             "interface": "virtual",
             "channel": f"bus-{tmp_path.name}",
             "full_backward_mm_s": 500.0,
-            "dbc": DBC_TABLE,
+            "dbc": EXAMPLE_TABLE,
             **PROVED,
         }
     )
