@@ -64,6 +64,12 @@ def test_a_reading_of_an_undeclared_way_opens_nothing() -> None:
     assert meet(direction(look(facts, driving(), limits))) == Caps(CAPS.forward_mm_s, 150.0, 20.0, 15.0)
 
 
+def test_a_sensor_that_the_chair_file_does_not_know_opens_nothing() -> None:
+    limits = limits_with(frozenset({Way.AHEAD}))
+    facts = healthy(limits, ranges={"stranger/range": readings(START_NS), "lane0/range": readings(START_NS)})
+    assert meet(direction(look(facts, driving(), limits))) == Caps(CAPS.forward_mm_s, 150.0, 20.0, 15.0)
+
+
 def test_backing_without_a_rear_sensor_is_slow_and_the_way_ahead_without_one_closed() -> None:
     ride = Ride(limits=replace(chair_limits(), backward_mm_s=400.0, caps=CAPS))
     ride.arm()
