@@ -2,8 +2,8 @@
 laws are tried: judged by what they find, not by how busy the machine is; with CI=true always the same cases, so that
 what lands can be told from what was found by chance.
 
-A test of real processes in real time says nothing on a machine that did not run it: one that failed while this process
-itself was kept waiting is tried again, from nothing, and that is told at the end.
+Real processes in real time say nothing on a machine that did not run them: a test that failed while this very process
+was kept waiting is tried again, from nothing, and that is told at the end.
 
 HYPOTHESIS_PROFILE=quick: few cases, always the same, for benchmarks/mutation.py, which asks only whether a test fails.
 """
@@ -36,7 +36,7 @@ GAP_S = 0.1
 """Kept waiting so long, a process of the chair misses its bounds: a guard ticks every 20 ms."""
 AWAY_S = 0.3
 """Gaps of so much together count as a machine that was away."""
-AGAIN = pytest.StashKey[list[str]]()
+AGAIN = "tried again, for this machine kept it waiting"
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 
@@ -83,17 +83,15 @@ class Away:
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
-    """Tests marked `processes`: once, or again where they failed while the machine was away."""
-    if item.get_closest_marker("processes") is None:
-        return None
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool:
+    """Once; or again, where it failed while the machine was away."""
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
     for attempt in range(1, ATTEMPTS + 1):
         with Away() as away:
             reports = runtestprotocol(item, nextitem=nextitem, log=False)
         if attempt == ATTEMPTS or away.total_s < AWAY_S or not any(report.failed for report in reports):
             break
-        item.config.stash.setdefault(AGAIN, []).append(f"{item.nodeid} (away {away.total_s:.1f} s)")
+        item.user_properties.append((AGAIN, f"{away.total_s:.1f} s"))
         item.session._setupstate.teardown_exact(None)  # nothing of the attempt is left, whatever its scope
     for report in reports:
         item.ihook.pytest_runtest_logreport(report=report)
@@ -101,7 +99,10 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     return True
 
 
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Say which tests were tried again."""
-    for line in config.stash.get(AGAIN, []):
-        terminalreporter.write_line(f"tried again, for this machine kept it waiting: {line}")
+    ended = (report for reports in terminalreporter.stats.values() for report in reports)
+    for report in ended:
+        for name, value in getattr(report, "user_properties", []) if getattr(report, "when", "") == "teardown" else []:
+            if name == AGAIN:
+                terminalreporter.write_line(f"{AGAIN} ({value}): {report.nodeid}")

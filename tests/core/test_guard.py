@@ -135,7 +135,7 @@ class Rig:
         body = message(seq=self.seq, captured_ns=time.monotonic_ns(), **fields)
         wire.send(self.lane, wire.encode_parcel(Parcel(stage=stage, body=body)))
 
-    def live(self, until: Callable[[], bool], what: str, seconds: float = 5.0, word: Command | None = None) -> None:
+    def live(self, until: Callable[[], bool], what: str, seconds: float = 20.0, word: Command | None = None) -> None:
         """Keep every vote fresh until something is true."""
         end = time.monotonic() + seconds
         while not until():
