@@ -113,3 +113,9 @@ def test_the_same_word_does_not_move_into_it() -> None:
 )
 def test_what_is_much_too_near_closes_its_way_too(way: str, nth: int, mm: int) -> None:
     assert caps_for({way: mm})[nth] == 0.0
+
+
+@pytest.mark.parametrize("mm", [0, 100, 250])
+def test_what_is_before_the_toes_closes_both_turns(mm: int) -> None:
+    caps = caps_for({"ahead_mm": mm})
+    assert (caps.left_deg_s, caps.right_deg_s) == (0.0, 0.0)

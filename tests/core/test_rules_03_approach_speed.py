@@ -157,3 +157,11 @@ def test_a_chair_at_creep_speed_is_never_too_fast() -> None:
 def test_only_the_way_that_is_near_is_slowed() -> None:
     caps = caps_for(ahead_mm=900)
     assert [way for way, cap in zip(Way, caps, strict=True) if cap < 1_250.0] == [Way.AHEAD]
+
+
+@pytest.mark.parametrize(("way", "nth", "reported"), [("ahead_mm", 0, 2_000.0), ("behind_mm", 1, -800.0)])
+def test_a_chair_reported_faster_than_its_cap_is_stopped_from_farther_off(way: str, nth: int, reported: float) -> None:
+    brakes_in = stopping_distance_mm(abs(reported), 0.0, LIMITS.decel_mm_s2)
+    at = {way: round(LIMITS.stop_mm + brakes_in - 50)}
+    assert caps_for(reported=reported, **at)[nth] == 0.0
+    assert caps_for(reported=0.0, **at)[nth] >= LIMITS.caps[nth]

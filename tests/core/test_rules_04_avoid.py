@@ -53,6 +53,7 @@ def test_the_freer_side_must_be_clear_by_the_reading_that_saw_the_obstacle() -> 
     assert side(front_range={**near, "left_mm": int("900"), "right_mm": int("900")}) == 0.0, (
         "equal, not the same object"
     )
+    assert side(front_range={"ahead_mm": 750, "left_mm": 900, "right_mm": 800}) == 1.0, "just near enough"
     assert side(front_range={"ahead_mm": 600, "left_mm": 900, "right_mm": 800}) == 0.0, "stopped, nothing to pass"
     assert side(front_range={"ahead_mm": 300, "left_mm": 900, "right_mm": 800}) == 0.0, "stopped, nothing to pass"
     assert side(front_range=near) == 0.0, "a side that is not sensed is not clear"
