@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import msgspec
 import pytest
 
-from chairward.arbiter import decide, ramp, steer
+from chairward.arbiter import decide, instruct, ramp, steer
 from chairward.components import STILL, Motion
 from chairward.envelope import OPEN, Caps
 from chairward.facts import Decision, Limits, Pressed, State
 from chairward.messages import Button, Command, Way
-from chairward.scene import look
+from chairward.scene import Seen, look
 from chairward.testing.ride import FRONT, PANEL, START_NS, Ride, chair_limits, driving, healthy, readings
 
 LIMITS = chair_limits()
@@ -110,3 +112,11 @@ def test_a_chair_that_is_told_to_move_is_not_armed(output: Motion) -> None:
 def test_a_chair_that_turns_is_not_armed(turning: float) -> None:
     assert pressed(Button.ARM, turn_deg_s=turning).notes == ("ARM refused: the chair is moving",)
     assert pressed(Button.ARM, turn_deg_s=turning / 31.0).arm
+
+
+@pytest.mark.parametrize("side", ["left_mm", "right_mm"])
+def test_a_side_without_a_reading_is_unknown_whoever_made_the_infinity(side: str) -> None:
+    scene = look(healthy(LIMITS), driving(), LIMITS)
+    unknown = Seen(FRONT, 700.0, inf, 100.0, 100.0, 0, 0, "")._replace(**{side: float("inf")})
+    told = instruct(driving(), scene._replace(seen=(unknown,)), OPEN, 700.0)
+    assert told == ("Turn slightly right" if side == "left_mm" else "Turn slightly left")

@@ -244,3 +244,7 @@ def test_arming_is_refused_while_anything_is_silent_and_says_what() -> None:
     assert not refused.arm
     assert ride.state == replace(ride.state, latch="not armed yet", armed=False)
     assert any("ARM refused: front/range: silent" in note for note in refused.notes)
+
+
+def test_more_than_three_readings_are_not_too_few() -> None:
+    assert votes(healthy(LIMITS, ranges={FRONT: (*readings(START_NS), readings(START_NS)[-1])})) == []

@@ -143,3 +143,9 @@ def test_the_person_is_told_the_freer_side_clear_or_not_and_left_when_equal(
 ) -> None:
     decision = went_past(ahead_mm=740, left_mm=left, right_mm=right)
     assert decision.instruction == f"Turn slightly {told}"
+
+
+def test_a_side_that_is_not_sensed_is_not_clear_whoever_made_the_infinity() -> None:
+    scene = look(healthy(LIMITS, ranges={FRONT: readings(START_NS, ahead_mm=700)}), driving(), LIMITS)
+    sides = tuple(seen._replace(left_mm=float("inf"), right_mm=900.0) for seen in scene.seen)
+    assert freer_side(scene._replace(seen=sides)) == -1.0

@@ -103,3 +103,16 @@ def test_three_blind_pictures_are_a_protective_stop_and_seeing_again_does_not_re
     ride.world.clear()
     assert ride.tick(times=20).motion == STILL
     assert ride.tick(Command.FRONT, times=20).motion.drive_mm_s > 0.0
+
+
+def test_more_than_three_blind_pictures_spend_the_wish_too() -> None:
+    facts = healthy(LIMITS, ranges={FRONT: (*window(3), window(3)[-1])})
+    (vote,) = blind(look(facts, driving(), LIMITS))
+    assert vote.grip is Grip.SPENDS
+
+
+def test_no_crawl_when_the_other_is_infinitely_far_whoever_made_the_infinity() -> None:
+    limits = with_other(SONAR)
+    scene = look(healthy(limits, ranges={FRONT: window(3), SONAR: window(0)}), driving(), limits)
+    far = tuple(seen._replace(ahead_mm=float("inf")) for seen in scene.seen)
+    assert meet(list(blind(scene._replace(seen=far)))).forward_mm_s == 0.0

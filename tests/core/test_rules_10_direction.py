@@ -78,3 +78,10 @@ def test_backing_without_a_rear_sensor_is_slow_and_the_way_ahead_without_one_clo
     blind_chair.arm()
     assert blind_chair.tick(Command.FRONT, times=5).motion == STILL
     assert blind_chair.decisions[-1].instruction == "Stop now"
+
+
+def test_a_way_without_a_distance_is_not_watched_whoever_made_the_infinity() -> None:
+    limits = limits_with(frozenset(WAYS))
+    scene = look(healthy(limits), driving(), limits)
+    mute = tuple(seen._replace(ahead_mm=float("inf")) for seen in scene.seen)
+    assert meet(direction(scene._replace(seen=mute))).forward_mm_s == UNSEEN.forward_mm_s

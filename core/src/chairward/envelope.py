@@ -8,7 +8,7 @@ clipping component by component would straighten a curve into the obstacle it go
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from enum import Enum
+from enum import Enum, auto
 from math import inf
 from typing import NamedTuple
 
@@ -31,11 +31,11 @@ CLOSED = Caps(0.0, 0.0, 0.0, 0.0)
 class Grip(Enum):
     """What a vote does to the live wish when it closes the way that the wish wants."""
 
-    WAITS = 0
+    WAITS = auto()
     """A short gap: the chair stops, the wish goes on when the gap ends within its lease."""
-    SPENDS = 1
+    SPENDS = auto()
     """A protective stop: the wish is spent, a new one moves the chair again."""
-    LATCHES = 2
+    LATCHES = auto()
     """A fault: the chair is latched until RESET, then ARM."""
 
 

@@ -148,9 +148,7 @@ def _approach_mm_s(room_mm: float, speed_mm_s: float, closing_mm_s: float, limit
     if room_mm <= 0.0 or (speed_mm_s > CREEP_MM_S and stopping_distance_mm(speed_mm_s, 0.0, a) > room_mm):
         return 0.0
     cap = approach_speed_mm_s(room_mm, closing_mm_s, t, a)
-    if cap < CREEP_MM_S and not closing_mm_s:
-        return max(cap, min(CREEP_MM_S, largest_speed_mm_s(CREEP_ROOM_MM, t, a)))
-    return cap
+    return cap if closing_mm_s else max(cap, min(CREEP_MM_S, largest_speed_mm_s(CREEP_ROOM_MM, t, a)))
 
 
 # 4 -----------------------------------------------------------------------------------------------------------------
