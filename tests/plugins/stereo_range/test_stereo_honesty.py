@@ -107,3 +107,12 @@ def test_a_wide_plain_patch_between_near_rims_could_bulge_and_is_flagged(tools: 
     assert found.hidden_mm < 690.0
     assert not found.can_see
     assert "plain surface" in found.reason
+
+
+@pytest.mark.parametrize(("distance", "seen"), [(850.0, False), (1700.0, True)])
+def test_a_plain_surface_that_leaves_the_picture_could_bulge_by_all_that_is_seen_of_it(
+    tools: Any, distance: float, seen: bool
+) -> None:
+    surface = tools.board(distance, left_mm=-0.1 * distance, texture="plain", level=170.0)
+    found = tools.finder(region="trapezoid").measure(*tools.render(tools.room((surface,))))
+    assert found.can_see == seen, (found.reason, found.hidden_mm)

@@ -123,3 +123,14 @@ def test_a_standing_scene_is_read_steadily_through_noise(tools: Any) -> None:
         assert ahead is not None
         readings.append(ahead.ahead_mm)
     assert max(readings) - min(readings) < 25.0
+
+
+def test_a_thing_of_which_little_stands_in_the_region_counts_by_its_whole_size(tools: Any) -> None:
+    """A shelf whose lower edge reaches one row into the region, 450 mm ahead; a scrap of that size does not count."""
+    shelf = tools.board(450.0, bottom_mm=398.0, top_mm=600.0)
+    scrap = tools.board(450.0, left_mm=12.0, right_mm=-12.0, bottom_mm=390.0, top_mm=410.0)
+    finder = tools.finder(region="trapezoid")
+    found = finder.measure(*tools.render(tools.room((shelf,))))
+    assert found.ahead is not None
+    assert found.ahead.depth_mm == pytest.approx(450.0, rel=0.03)
+    assert finder.measure(*tools.render(tools.room((scrap,)))).ahead is None

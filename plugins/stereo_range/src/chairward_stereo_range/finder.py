@@ -29,6 +29,8 @@ UNCONFIRMED, UNCONFIRMABLE = 0.6, 0.3
 SIDE_COVERAGE = 0.15
 SPECKS = 12
 """Smaller islands (grid pixels at 240 rows) above the floor are noise of the floor itself."""
+AROUND_PX = 8
+"""A thing's size is counted so far (grid pixels at 240 rows) beyond the region: a part of it may stand in the way."""
 HIDDEN_MARGIN = 1.15
 REPEATING_SHARE = 0.1
 FINE_ROWS = (112, 218)
@@ -168,7 +170,8 @@ class RangeFinder:
         above = above & (depth < o.farthest_mm)
         whole = without_specks(np.where(above, d, np.nan).astype(np.float32), round(SPECKS * self.scale**2), 2.0)
         above &= np.isfinite(whole)
-        ahead = self._spot(full, above & self.region.contains(depth), match.sharp)
+        inside = above & self.region.contains(depth)
+        ahead = self._spot(full, inside, match.sharp, around=above & _around(inside, self.scale))
         region = self.region.grid_mask
         drop = self._drops.edge_mm(floor, below) if self._drops is not None else None
         third = d.shape[1] // 3
@@ -225,13 +228,15 @@ class RangeFinder:
         out[self.top : self.bottom, : 2 * grid.shape[1]] = np.repeat(np.repeat(grid, 2, axis=0), 2, axis=1)
         return out
 
-    def _spot(self, full: Floats, candidates: Bools, sharp: Bools, side: slice | None = None) -> Spot | None:
-        """The nearest thing; roughly, when only looked for in the columns of one side."""
+    def _spot(
+        self, full: Floats, candidates: Bools, sharp: Bools, side: slice | None = None, around: Bools | None = None
+    ) -> Spot | None:
+        """The nearest thing; roughly, when only looked for in the columns of one side. around: see nearest()."""
         v = self.view
         g, quantile, cols = v.geometry, QUANTILE if v.floor_known else NEAR_SIDE, side or slice(None)
         found = nearest(
             full[:, cols], candidates[:, cols], sharp[:, cols], self._forward[:, cols], self._trust[:, cols],
-            g.baseline_mm, self.scale, side is not None, quantile,
+            g.baseline_mm, self.scale, side is not None, quantile, around,
         )  # fmt: skip
         if found is None:
             return None
@@ -274,6 +279,12 @@ class RangeFinder:
             coverage=1.0,
             can_see=True,
         )
+
+
+def _around(inside: Bools, scale: float) -> Bools:
+    """What lies within AROUND_PX of the pixels inside."""
+    side = 2 * round(AROUND_PX * scale) + 1
+    return np.asarray(opencv().dilate(inside.astype(np.uint8), np.ones((side, side), np.uint8)), bool)
 
 
 def _share_known(known: Bools) -> bool:

@@ -2,7 +2,7 @@
 
 A plain surface shows stereo its outline only. What lies between the rims can bulge towards the chair, as a column or a
 box seen at its corner does, by up to half its width: so a plain patch of width W between rims at depth Z hides nothing
-nearer than Z - W / 2.
+nearer than Z - W / 2. W is the whole surface's width, also where it reaches beyond the region.
 """
 
 from __future__ import annotations
@@ -40,7 +40,8 @@ def hidden_distance_mm(
     ceiling: largest disparity that is believed (nearer than the nearest thing of a fair size are errors).
     """
     cv2 = opencv()
-    plain = (~match.textured | ~np.isfinite(match.fused)) & region.grid_mask
+    unmatched = ~match.textured | ~np.isfinite(match.fused)
+    plain = unmatched & region.grid_mask
     side = max(3, int(OPEN_PX * scale) | 1)
     plain8 = cv2.morphologyEx(plain.astype(np.uint8), cv2.MORPH_OPEN, np.ones((side, side), np.uint8))
     count, labels, stats, _ = cv2.connectedComponentsWithStats(plain8)
@@ -63,6 +64,17 @@ def hidden_distance_mm(
         if within < MIN_PATCH * scale * scale:
             continue
         # 2: the grid's pixels are two full-size ones wide. The mean width, as patches are ragged.
-        width_mm = 2 * (within / h) * depth / view.geometry.focal_px
+        width_mm = 2 * _width(unmatched, labels == i, y, h) * depth / view.geometry.focal_px
         least = min(least, depth - width_mm / 2)
     return float(least)
+
+
+def _width(plain: npt.NDArray[np.bool_], patch: npt.NDArray[np.bool_], top: int, rows: int) -> float:
+    """Mean width of the plain surface that a patch of the region belongs to, over its rows, grid pixels."""
+    cv2 = opencv()
+    strip = plain[top : top + rows].astype(np.uint8)
+    opened = cv2.morphologyEx(strip, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    _, labels = cv2.connectedComponents(opened)
+    which = np.bincount(labels[patch[top : top + rows]])
+    which[0] = 0
+    return float((labels == int(which.argmax())).sum()) / rows

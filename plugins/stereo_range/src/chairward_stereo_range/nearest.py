@@ -52,6 +52,7 @@ def nearest(
     scale: float,
     rough: bool = False,
     quantile: float = QUANTILE,
+    around: npt.NDArray[np.bool_] | None = None,
 ) -> Nearest | None:
     """The nearest group of candidates that is large enough to be a thing; None when there is none.
 
@@ -61,17 +62,20 @@ def nearest(
     the first window of 2.5 px that holds as many pixels as a 35 x 35 mm patch would; from its peak on, what is little
     nearer belongs to it.
     rough: without the smoothing, where a centimetre or two do not matter. quantile: see QUANTILE and NEAR_SIDE.
+    around: the candidates and what surrounds them, whose size counts: only a part of a thing may stand in the way.
     """
     values = disparity[candidates]
     least = MIN_PIXELS * scale * scale / 4
     if values.size < least:
         return None
     width = BIN_PX * scale
-    weights = np.where(sharp, np.float32(1.0), trust)[candidates]
-    counts = np.bincount((values / width).astype(np.int32), weights=weights, minlength=8)
-    held = np.convolve(counts, np.ones(WINDOW), "same")
-    centre = (np.arange(counts.size) + 0.5) * width
-    enough = np.nonzero(held >= np.maximum(least, MIN_AREA_MM2 / 4 * (centre / baseline_mm) ** 2))[0]
+    weights = np.where(sharp, np.float32(1.0), trust)
+    around = candidates if around is None else around
+    bins = max(8, int(values.max() / width) + 1)
+    held = _histogram(values / width, weights[candidates], bins)
+    size = held if around is candidates else _histogram(disparity[around] / width, weights[around], bins)
+    centre = (np.arange(bins) + 0.5) * width
+    enough = np.nonzero((held >= least) & (size >= MIN_AREA_MM2 / 4 * (centre / baseline_mm) ** 2))[0]
     if enough.size == 0:
         return None
     i = int(enough[-1])
@@ -83,12 +87,13 @@ def nearest(
     if rough:
         return _measured(disparity, member, forward, quantile)
     need = max(least, MIN_AREA_MM2 / 4 * (centre[i] / baseline_mm) ** 2)
-    box = _around(member)
+    thing = around & (disparity >= centre[i] - slack) & (disparity <= relief * centre[i] + slack)
+    box = _box(thing | member)
     disparity, member, sharp, forward = disparity[box], member[box], sharp[box], forward[box]
-    whole = without_specks(np.where(member, disparity, np.nan).astype(np.float32), int(need), 1.0 * scale)
-    if np.isfinite(whole).any():
+    whole = without_specks(np.where(thing[box], disparity, np.nan).astype(np.float32), int(need), 1.0 * scale)
+    if np.isfinite(whole[member]).any():
         member = member & np.isfinite(whole)
-    if int((member & sharp).sum()) >= need / 2:
+    if int((member & sharp).sum()) >= min(need, int(member.sum())) / 2:
         member = member & sharp
     smooth = _smoothed(disparity, member)
     if int(np.isfinite(smooth).sum()) < least / 2:
@@ -97,13 +102,19 @@ def nearest(
     return replace(found, rows=found.rows + box[0].start, cols=found.cols + box[1].start)
 
 
-def _around(member: npt.NDArray[np.bool_]) -> tuple[slice, slice]:
+def _box(member: npt.NDArray[np.bool_]) -> tuple[slice, slice]:
     """The rows and columns that hold the members, and the smoothing's margin."""
     ends = []
     for axis in (1, 0):
         at = np.flatnonzero(member.any(axis=axis))
         ends.append(slice(max(0, int(at[0]) - SMOOTH // 2), int(at[-1]) + 1 + SMOOTH // 2))
     return ends[0], ends[1]
+
+
+def _histogram(values: Floats, weights: Floats, bins: int) -> npt.NDArray[np.float64]:
+    """Weights held by windows of WINDOW bins about each bin; what is beyond the bins counts in the last windows."""
+    counts = np.bincount(np.minimum(values.astype(np.int32), bins + WINDOW), weights=weights, minlength=bins)
+    return np.convolve(counts, np.ones(WINDOW), "same")[:bins]
 
 
 def _measured(disparity: Floats, member: npt.NDArray[np.bool_], forward: Floats, quantile: float) -> Nearest:
