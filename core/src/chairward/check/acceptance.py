@@ -26,7 +26,8 @@ WAYS = (Command.FRONT, Command.BACK, Command.LEFT, Command.RIGHT)
 CLEAR_MM, FAR_MM = 1500.0, 4000.0
 WRONG_BY_MM = 150.0
 """A distance that is placed by hand, or stood at by a simulated person, and is seen, may differ by so much."""
-LOOK_S = 6.0
+LOOK_S = 15.0
+SIGN_S = 0.6
 FULL_S = 2.0
 """Within so long every chair has its full speed."""
 ATTEMPTS = 4
@@ -88,18 +89,14 @@ class Acceptance:
 
     def _sign(self, way: Command) -> Result:
         """Each way is that way."""
-        self.chair.drive(way)
-        self.chair.wait(lambda r: not moves(told(r), way), 0.6)
+        self._drives_on(way, SIGN_S)
         seen = self.judge.turns(self.chair, way)
         self.chair.stand()
         return Result("", seen == way, seen or "nothing turns", way)
 
     def _cap(self, way: Command) -> Result:
-        """The way's speed is reached, and never passed; a short gap of a busy computer may stop the chair before."""
-        for _ in range(ATTEMPTS):
-            self.chair.drive(way)
-            if self.chair.wait(lambda r: not moves(told(r), way), FULL_S) is None:
-                break
+        """The way's speed is reached, and never passed."""
+        self._drives_on(way, FULL_S)
         self.chair.stand()
         limits, index = self.chair.plan.limits, list(WAYS).index(way)
         cap = min(limits.caps[index], (limits.forward_mm_s, limits.backward_mm_s, *(limits.turn_deg_s,) * 2)[index])
@@ -107,6 +104,13 @@ class Acceptance:
         reached = most > 0.5 * min(cap, self._unseen(index))
         unit = "mm/s" if index < 2 else "deg/s"
         return Result("", reached and most <= cap + 1e-6, f"{most:.1f} {unit}", f"at most {cap:g} {unit}")
+
+    def _drives_on(self, way: Command, seconds: float) -> None:
+        """Drive that way for so long; once more where a short gap of a busy computer has stopped the chair before."""
+        for _ in range(ATTEMPTS):
+            self.chair.drive(way)
+            if self.chair.wait(lambda r: not moves(told(r), way), seconds) is None:
+                return
 
     def _unseen(self, index: int) -> float:
         """What a way that no sensor watches may do at most."""
