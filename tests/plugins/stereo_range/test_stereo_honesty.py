@@ -116,3 +116,10 @@ def test_a_plain_surface_that_leaves_the_picture_could_bulge_by_all_that_is_seen
     surface = tools.board(distance, left_mm=-0.1 * distance, texture="plain", level=170.0)
     found = tools.finder(region="trapezoid").measure(*tools.render(tools.room((surface,))))
     assert found.can_see == seen, (found.reason, found.hidden_mm)
+
+
+def test_a_repeating_floor_is_seen_where_it_is_measured_to_be_floor(tools: Any) -> None:
+    """Shifted by a period it would stand at one depth over many rows, as no floor does."""
+    found = tools.finder().measure(*tools.render(tools.room(floor="stripes")))
+    assert found.can_see, found.reason
+    assert found.ahead is None

@@ -187,7 +187,7 @@ class RangeFinder:
             reason = "too little texture to measure (a plain wall?)"
         elif hidden <= HIDDEN_MARGIN * o.stop_mm and (ahead is None or ahead.depth_mm > o.stop_mm):
             reason = f"a plain surface could be as near as {hidden:.0f} mm"
-        elif self._repeats(match):
+        elif self._repeats(match, floor):
             reason = "a repeating pattern could be nearer than it seems"
         return Measurement(
             disparity=self._whole(match.precise),
@@ -207,16 +207,19 @@ class RangeFinder:
             sigma=match.sigma,
         )
 
-    def _repeats(self, match: Match) -> bool:
-        """Does the lower half of the region, where a near thing must stand, repeat itself along its rows?"""
+    def _repeats(self, match: Match, floor: Bools) -> bool:
+        """Does the lower half of the region, where a near thing must stand, repeat itself along its rows?
+
+        Not where it is measured to be floor: shifted by a period it would stand at one depth over many rows.
+        """
         mask = self.region.grid_mask
         half = mask.shape[0] // 2
-        low, small = mask[half:], match.small[half:]
+        low, small, unsure = mask[half:], match.small[half:], ~floor[half:]
         if (k := round(self.scale)) > 1:  # a pattern that could be mistaken is as large as at 240 rows
-            low = low[: low.shape[0] // k * k : k, : low.shape[1] // k * k : k]
+            low, unsure = (m[: m.shape[0] // k * k : k, : m.shape[1] // k * k : k] for m in (low, unsure))
             small = opencv().resize(small, low.shape[::-1], interpolation=opencv().INTER_AREA)
         repeats = periodic(small, self.count // 2 // max(1, k), match.sigma)
-        return bool((repeats & low).sum() > REPEATING_SHARE * max(1, int(low.sum())))
+        return bool((repeats & low & unsure).sum() > REPEATING_SHARE * max(1, int(low.sum())))
 
     def _whole(self, strip: Floats) -> Floats:
         out = np.full(self.view.forward.shape, np.nan, np.float32)
