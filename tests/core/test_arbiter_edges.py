@@ -43,6 +43,8 @@ def test_a_wish_for_a_way_without_any_speed_is_told_like_none_and_is_not_spent()
     assert "stop_distance" in [why.rule for why in decision.reasons]
     assert not decision.protective_stop
     assert after.wish == backs.wish
+    slow = chair_limits(backward_mm_s=0.0, caps=Caps(1.5, 1.5, 1.5, 1.5))
+    assert near(backs, slow).reasons == ()
 
 
 def test_a_latch_spends_every_wish_also_one_that_would_not_move() -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import inf
+from operator import itemgetter
 
 from chairward.components import STILL, Motion
 from chairward.envelope import Caps, Envelope, Grip, binding, fit, meet
@@ -175,11 +176,9 @@ def _which_side(scene: Scene) -> str:
 
     Where nobody senses a side there is none to recommend.
     """
-    side = freer_side(scene)
-    if not side:
-        nearest = (min(s.left_mm for s in scene.seen), min(s.right_mm for s in scene.seen))
-        left, right = (-1.0 if mm == inf else mm for mm in nearest)
-        if left == right == -1.0:
-            return Instruction.STOP
-        side = left - right
-    return Instruction.TURN_LEFT if side >= 0.0 else Instruction.TURN_RIGHT
+    if side := freer_side(scene):
+        return Instruction.TURN_LEFT if side > 0.0 else Instruction.TURN_RIGHT
+    left, right = min(s.left_mm for s in scene.seen), min(s.right_mm for s in scene.seen)
+    told = ((left, Instruction.TURN_LEFT), (right, Instruction.TURN_RIGHT))
+    sensed = [one for one in told if one[0] < inf]
+    return max(sensed, key=itemgetter(0))[1] if sensed else Instruction.STOP
