@@ -1,6 +1,6 @@
 """The laws of both promises on a million random cases (the same code as in the tests, with plain random numbers).
 
-    .venv/bin/python benchmarks/laws.py --cases 1000000        writes benchmarks/results/laws.json
+    .venv/bin/python benchmarks/laws.py [--cases 1000000] [--minutes 60]        writes benchmarks/results/laws.json
 
 A broken law ends it with the seed and everything that is needed to see why.
 """
@@ -41,11 +41,16 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=1_000_000)
     parser.add_argument("--processes", type=int, default=None)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--minutes", type=float, default=60.0, help="no more cases after so long")
     options = parser.parse_args()
     begun = time.monotonic()
     seeds = range(options.seed, options.seed + options.cases, CHUNK)
+    counts = [0, 0, 0]
     with Pool(options.processes) as pool:
-        counts = [sum(column) for column in zip(*pool.imap_unordered(chunk, seeds), strict=True)]
+        for judged in pool.imap_unordered(chunk, seeds):
+            counts = [sum(pair) for pair in zip(counts, judged, strict=True)]
+            if time.monotonic() - begun > 60.0 * options.minutes:
+                break
     result = {
         "what": "random cases of the laws in chairward.testing.laws, none broken",
         "cases": counts[0],

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from random import Random
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from chairward.facts import Facts
 from chairward.testing import cases, laws
+from chairward.testing.ride import START_NS
 
 MANY = settings(max_examples=2_500, deadline=None, suppress_health_check=list(HealthCheck))
 SEED = st.integers(0, 2**48)
@@ -45,3 +48,20 @@ def test_the_laws_are_not_kept_by_standing_still() -> None:
 
 def test_the_twins_of_the_second_law_drive() -> None:
     assert sum(laws.twin_rides(Random(seed), ticks=60) > 50.0 for seed in range(12)) >= 3
+
+
+@pytest.mark.parametrize("name", tuple(cases.WORSE))
+def test_what_is_made_worse_was_never_said_later_than_before(name: str) -> None:
+    """Else it would be less silent than its twin: whose silence latches may then stand while the worse one drives."""
+    for seed in range(200):
+        rng = Random(seed)
+        limits = cases.some_limits(rng)
+        facts = cases.some_facts(rng, limits, START_NS)
+        before, after = last_said(facts), last_said(cases.WORSE[name](rng, facts, limits))
+        assert all(after[source] <= before[source] for source in after.keys() & before.keys())
+
+
+def last_said(facts: Facts) -> dict[str, int]:
+    said = {source: window[-1].captured_ns for source, window in facts.ranges.items() if window}
+    said |= {source: one.captured_ns for source, one in (*facts.vetoes.items(), *facts.alive.items())}
+    return said | {"drive": facts.drive.at_ns, "supervisor": facts.supervisor_ns}

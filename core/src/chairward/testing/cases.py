@@ -205,9 +205,10 @@ def _heartbeat(rng: Random, facts: Facts, _: Limits) -> Facts:
 
 
 def _veto(rng: Random, facts: Facts, limits: Limits) -> Facts:
+    """It falls silent, or what it said last was a stop: said later, it would be less silent than it was."""
     if not limits.vetoers:
         return facts
-    said = Veto(seq=1, captured_ns=facts.now_ns, stop=True, reason="tilted")
+    said = msgspec.structs.replace(facts.vetoes[TILT], stop=True, reason="tilted")
     return replace(facts, vetoes=rng.choice(({}, {TILT: said})))
 
 
