@@ -126,9 +126,9 @@ class Acceptance:
         """Seen where it was placed; nearer than stop_mm it closes the way, nearer than avoid_mm it slows the chair."""
         limits = self.chair.plan.limits
         closes = distance_mm <= limits.stop_mm
-        stopped, intime, within = "", True, ""
+        stop = Result("", True, "")
         if closes and self.judge.timed:
-            stopped, intime, within = self._appears(distance_mm)
+            stop = self._appears(distance_mm)
         else:
             self.judge.place(distance_mm)
         try:
@@ -151,18 +151,18 @@ class Acceptance:
         least, largest = distance_mm - WRONG_BY_MM, distance_mm + WRONG_BY_MM
         allowed = limits.caps.forward_mm_s if distance_mm > limits.avoid_mm else limits.avoid_mm_s
         allowed = 0.0 if closes else allowed
-        ok = intime and most <= allowed + 1e-6 and least <= nearest <= largest
+        ok = stop.ok and most <= allowed + 1e-6 and least <= nearest <= largest
         return Result(
             "",
             ok,
-            f"{stopped}seen at {nearest} mm, then at most {most:.0f} mm/s",
-            f"{within}{distance_mm:g} mm ± {WRONG_BY_MM:g}, at most {allowed:g} mm/s",
+            f"{stop.found}seen at {nearest} mm, then at most {most:.0f} mm/s",
+            f"{stop.allowed}{distance_mm:g} mm ± {WRONG_BY_MM:g}, at most {allowed:g} mm/s",
             picture=picture,
         )
 
-    def _appears(self, distance_mm: float) -> tuple[str, bool, str]:
-        """At full speed something appears there: when the drive was told to stand, and when it stood; whether that is
-        within what the proof of distances reckons with, and what that is."""
+    def _appears(self, distance_mm: float) -> Result:
+        """At full speed something appears there: when the drive was told to stand, and when it stood, within what the
+        proof of distances reckons with. Told as the beginning of what `_obstacle` tells."""
         self.chair.drive()
         self.chair.wait(_never, FULL_S)
         driving = self.chair.drive()  # a gap of a busy computer may have stopped it
@@ -174,9 +174,10 @@ class Acceptance:
         limits = self.chair.plan.limits
         tells_ms = limits.reaction_s * 1000.0
         stands_ms = tells_ms + told(driving).drive_mm_s / limits.decel_mm_s2 * 1000.0
-        return (
-            f"told to stop after {told_ms:.0f} ms, stood after {stood_ms:.0f} ms, ",
+        return Result(
+            "",
             told_ms <= tells_ms and stood_ms <= stands_ms,
+            f"told to stop after {told_ms:.0f} ms, stood after {stood_ms:.0f} ms, ",
             f"told within {tells_ms:.0f} ms, standing within {stands_ms:.0f} ms, ",
         )
 
@@ -262,10 +263,12 @@ class Acceptance:
 
     def _guard(self) -> Result:
         """The controller stops by itself when the guard is gone; this ends the run."""
-        self.chair.drive()
         guard = self.chair.supervisor.up
         if guard is None:
             return Result("", False, "the guard has never said that it is up")
+        self._drives_on(Command.FRONT, FULL_S)
+        if self.judge.turns(self.chair, Command.FRONT) != Command.FRONT:
+            return Result("", False, "the wheels did not turn before")
         gone = time.monotonic()
         os.kill(guard.pid, signal.SIGKILL)
         while (turning := self.judge.turns(self.chair, Command.FRONT)) and time.monotonic() - gone < 5.0:
