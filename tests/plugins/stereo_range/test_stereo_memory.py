@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chairward.components import Footprint
-from chairward_stereo_range.aside import Aside, Edge
 from chairward_stereo_range.geometry import make_view
+from chairward_stereo_range.leaving import Edge, Leaving
 from chairward_stereo_range.memory import Confirm, Memory, Seen
 from chairward_stereo_range.odometry import FloorOdometry
 from chairward_stereo_range.tracker import Tracker
@@ -144,13 +144,13 @@ def test_a_step_down_is_still_there_after_it_has_left_the_picture(tools: Any, mo
     assert last.ahead_mm <= 600.0
 
 
-def aside(tools: Any) -> Aside:
+def leaving(tools: Any) -> Leaving:
     """For a way of 640 mm, the floor looked at 1800 mm before the axle; 600 mm ahead the pair shows 319 to -269 mm."""
     view = make_view(tools.geometry(), tools.mount_a, Footprint(front_mm=0.0, rear_mm=900.0, half_width_mm=300.0))
-    return Aside(view, 320.0, 240.0, 1800.0)
+    return Leaving(view, 320.0, 0, 240.0, 1800.0)
 
 
-def drive_at(memory: Aside, left_mm: float, step: float, until: float) -> float:
+def drive_at(memory: Leaving, left_mm: float, step: float, until: float) -> float:
     """Drive at a thing from 1100 mm until it is so near; returns how near it is now."""
     distance = 1100.0
     while distance > until:
@@ -164,7 +164,7 @@ def drive_at(memory: Aside, left_mm: float, step: float, until: float) -> float:
 def test_a_thing_gone_out_of_view_sideways_is_carried_until_it_is_passed(
     tools: Any, step: float, side: float, other: float | None
 ) -> None:
-    memory = aside(tools)
+    memory = leaving(tools)
     distance = drive_at(memory, side, step, 600.0)
     while distance > -800.0:
         beyond = None if other is None else Edge(max(distance, 0.0) + other, 0.0)
@@ -176,13 +176,13 @@ def test_a_thing_gone_out_of_view_sideways_is_carried_until_it_is_passed(
 
 
 def test_a_thing_gone_from_the_middle_of_the_view_has_really_gone(tools: Any) -> None:
-    memory = aside(tools)
+    memory = leaving(tools)
     drive_at(memory, 20.0, 30.0, 700.0)
     assert memory.step(None, 30.0, 0.0) is None
 
 
 def test_a_thing_gone_sideways_that_the_chair_has_turned_away_from_is_beside_the_way(tools: Any) -> None:
-    memory = aside(tools)
+    memory = leaving(tools)
     drive_at(memory, 280.0, 30.0, 600.0)
     told = [memory.step(None, 0.0, 20.0) for _ in range(10)]
     assert told[0] is not None
@@ -190,7 +190,7 @@ def test_a_thing_gone_sideways_that_the_chair_has_turned_away_from_is_beside_the
 
 
 def test_a_thing_gone_sideways_is_forgotten_when_its_place_is_seen_again(tools: Any) -> None:
-    memory = aside(tools)
+    memory = leaving(tools)
     drive_at(memory, 280.0, 30.0, 600.0)
     told = [memory.step(None, -30.0, 0.0) for _ in range(12)]
     assert told[0] is not None
@@ -198,7 +198,7 @@ def test_a_thing_gone_sideways_is_forgotten_when_its_place_is_seen_again(tools: 
 
 
 def test_over_a_plain_floor_a_thing_gone_sideways_comes_on_at_its_own_pace(tools: Any) -> None:
-    memory = aside(tools)
+    memory = leaving(tools)
     distance = 1100.0
     while distance > 600.0:
         memory.step(Edge(distance, 280.0), None, 0.0)
@@ -206,3 +206,15 @@ def test_over_a_plain_floor_a_thing_gone_sideways_comes_on_at_its_own_pace(tools
     told = [memory.step(None, None, 0.0) for _ in range(10)]
     assert told[-1] is not None
     assert told[-1] == pytest.approx(distance - 9 * 30.0, abs=60.0)
+
+
+def test_a_table_top_that_has_gone_over_the_pictures_top_is_still_there(tools: Any) -> None:
+    tracker = Tracker(tools.finder())
+    table = tools.board(1500.0, bottom_mm=640.0, top_mm=760.0)
+    behind = tools.board(2100.0, left_mm=60.0, right_mm=-60.0)
+    last = None
+    for i in range(31):
+        left, right = tools.render(tools.room((table, behind), driven_mm=33.0 * i, seed=i))
+        last = tracker.step(left, right, int(i * DT_S * 1e9))
+    assert last is not None
+    assert last.ahead_mm == pytest.approx(1500.0 - 30 * 33.0, abs=60.0)

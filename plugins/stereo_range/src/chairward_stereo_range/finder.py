@@ -12,11 +12,11 @@ import numpy as np
 from chairward.messages import NOTHING_NEAR_MM
 from chairward.stages import Floats, Image
 from chairward_stereo_range import thesis
-from chairward_stereo_range.aside import inner_edge_mm
 from chairward_stereo_range.drops import DropWatch
 from chairward_stereo_range.floor import FloorFit, fit_floor, split
 from chairward_stereo_range.geometry import THESIS_HEIGHT, View, disparity_range
 from chairward_stereo_range.honesty import hidden_distance_mm
+from chairward_stereo_range.leaving import inner_edge_mm
 from chairward_stereo_range.matching import Method, make_matcher
 from chairward_stereo_range.nearest import NEAR_SIDE, QUANTILE, RELIEF, nearest
 from chairward_stereo_range.opencv import opencv
@@ -56,9 +56,8 @@ class Options:
 @dataclass(frozen=True, slots=True)
 class Spot:
     """The nearest thing one way: depth_mm along the optical axis, ahead_mm from the footprint; its row and column.
-
     top_mm: the height of its near side's top above the floor (infinite when the mount is unknown).
-    left_mm: where its inner edge is, to the left of the chair's middle.
+    left_mm: where its inner edge is, left of the chair's middle; low_mm: height of the lowest part seen.
     """
 
     depth_mm: float
@@ -68,6 +67,7 @@ class Spot:
     pixels: int
     top_mm: float = float("inf")
     left_mm: float = 0.0
+    low_mm: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,9 +246,10 @@ class RangeFinder:
         rows, columns = found.rows * 2 + self.top, (found.cols + (cols.start or 0)) * 2
         ahead = v.fb * found.distance + v.ahead_offset_mm()
         height = v.pose.z_mm + v.fb * found.depth * v.up[rows, columns]
-        top = float(height.max()) if v.floor_known else float("inf")
+        top, low = (float(height.max()), float(height.min())) if v.floor_known else (float("inf"), 0.0)
         inner = inner_edge_mm(v.pose.y_mm + v.fb * found.depth * v.left[rows, columns])
-        return Spot(v.fb * found.depth, ahead, int(np.median(rows)), int(np.median(columns)), found.pixels, top, inner)
+        at = int(np.median(rows)), int(np.median(columns))
+        return Spot(v.fb * found.depth, ahead, *at, found.pixels, top, inner, low)
 
     def _drop_spot(self, distance_mm: float, grid_row: int) -> Spot:
         """The floor's end as a thing: its depth is that of the floor there."""

@@ -8,9 +8,9 @@ from math import inf
 import numpy as np
 
 from chairward.stages import Image
-from chairward_stereo_range.aside import Aside, Edge
 from chairward_stereo_range.faults import FaultWatch
 from chairward_stereo_range.finder import Measurement, RangeFinder, Spot
+from chairward_stereo_range.leaving import Edge, Leaving
 from chairward_stereo_range.memory import Confirm, Memory, Seen
 from chairward_stereo_range.odometry import FloorOdometry
 from chairward_stereo_range.region import Bools
@@ -50,7 +50,7 @@ class Tracker:
         gone = self._odometry.visible_from_mm + view.ahead_offset_mm() if self._odometry is not None else 0.0
         self._memory = Memory(gone, view.footprint.front_mm + view.footprint.rear_mm)
         floor_mm = self._odometry.middle_mm + view.pose.x_mm if self._odometry is not None else inf
-        self._aside = Aside(view, finder.region.half_width_mm, finder.options.nearest_mm, floor_mm)
+        self._leaving = Leaving(view, finder.region.half_width_mm, finder.top, finder.options.nearest_mm, floor_mm)
 
     def step(self, left: Image, right: Image, captured_ns: int, skew_ns: int = 0, mask: Bools | None = None) -> Tracked:
         """left, right: the rectified pair, h x w x 3 BGR. mask: appearance's obstacles, for the thesis methods."""
@@ -67,11 +67,11 @@ class Tracker:
             inf if nearest is None else nearest.top_mm,
         )
         kept = self._memory.step(seen, driven, sideways)
-        edge = None if nearest is None else Edge(nearest.ahead_mm, nearest.left_mm)
-        aside_mm = self._aside.step(edge, driven, sideways)
-        if aside_mm is not None and (kept.ahead_mm is None or aside_mm < kept.ahead_mm):
-            reason = fault or found.reason or "a thing has gone out of view sideways"
-            return Tracked(found, aside_mm, self._depth(aside_mm), found.can_see and not fault, reason, 0.0, driven)
+        edge = None if nearest is None else Edge(nearest.ahead_mm, nearest.left_mm, nearest.low_mm)
+        gone_mm = self._leaving.step(edge, driven, sideways)
+        if gone_mm is not None and (kept.ahead_mm is None or gone_mm < kept.ahead_mm):
+            reason = fault or found.reason or "a thing has gone out of view"
+            return Tracked(found, gone_mm, self._depth(gone_mm), found.can_see and not fault, reason, 0.0, driven)
         if kept.from_memory and kept.ahead_mm is not None:
             reason = fault or found.reason or "a low thing has gone under the view"
             can_see = found.can_see and not fault

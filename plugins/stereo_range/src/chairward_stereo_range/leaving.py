@@ -1,9 +1,10 @@
-"""A thing that goes out of the pictures sideways, while the chair drives at it, is still in its way.
+"""A thing that goes out of the pictures sideways or over their top, while the chair drives at it, is still in its way.
 
 Near the chair both pictures together show less than the footprint sweeps: 600 mm before a pair of f 300 px, B 50 mm and
 320 columns they show 270 mm to the left. The corner of a box that stands 20 mm in the way is lost there, and what is
-measured instead is the box's side, farther on. So the nearest thing is followed by the floor odometry, and where it has
-to be out of view it is carried on: until the chair has passed it, it is beside the way, or its place is seen again.
+measured instead is the box's side, farther on; of a table whose top goes out above, the rear legs remain. So the
+nearest thing is followed by the floor odometry, and where it has to be out of view it is carried on: until the chair
+has passed it, it is beside the way, or its place is seen again.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ from chairward.stages import Floats
 from chairward_stereo_range.geometry import View
 
 SAME_MM = 25.0
-"""Seen so much farther than it was carried, it is not the same thing: twice the error of distance and odometry."""
-NEARER_MM = 100.0
-"""Seen so much nearer than it was carried, it is another thing."""
+"""Seen so much farther than it was carried, it is perhaps not the same thing: twice the error near the chair."""
+ANOTHER_MM = 100.0
+"""Seen so much nearer or farther than it was carried, and in view, it is another thing; less is an error's."""
 UNSURE_MM = 60.0
 """Within so much of the view's side a thing's edge may be matched or not."""
 FOLLOWED, CAME_MM = 4, 100.0
@@ -32,23 +33,28 @@ BLIND_PICTURES = 120
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """The nearest thing's inner edge: forward from the footprint, and to the left of the chair's middle, mm."""
+    """The nearest thing, mm: forward from the footprint; where its inner edge is, to the left of the chair's middle.
+
+    low_mm: height of the lowest part of it that is seen.
+    """
 
     ahead_mm: float
     left_mm: float
+    low_mm: float = 0.0
 
 
-class Aside:
+class Leaving:
     """Call `step` once for every frame, in order.
 
-    half_width_mm: of the way. nearest_mm: nearest depth that is searched. floor_mm: where the odometry looks, forward
-    from the axle.
+    half_width_mm: of the way. top_row: first row that is measured. nearest_mm: nearest depth that is searched.
+    floor_mm: where the odometry looks, forward from the axle.
     """
 
-    def __init__(self, view: View, half_width_mm: float, nearest_mm: float, floor_mm: float) -> None:
-        row, p = view.geometry.height_px // 2, view.pose
+    def __init__(self, view: View, half_width_mm: float, top_row: int, nearest_mm: float, floor_mm: float) -> None:
+        row, middle = view.geometry.height_px // 2, view.geometry.width_px // 2
         self._left, self._right = (float(view.left[row, col] / view.forward[row, col]) for col in (0, -1))
-        self._y_mm, self._baseline_mm = p.y_mm, view.geometry.baseline_mm
+        self._up = float(view.up[top_row, middle] / view.forward[top_row, middle])
+        self._y_mm, self._z_mm, self._baseline_mm = view.pose.y_mm, view.pose.z_mm, view.geometry.baseline_mm
         self._front_mm, self._offset_mm = view.footprint.front_mm, view.ahead_offset_mm()
         self._length_mm = view.footprint.front_mm + view.footprint.rear_mm
         self._half_width_mm, self._nearest_mm, self._floor_mm = half_width_mm, nearest_mm, floor_mm
@@ -61,14 +67,17 @@ class Aside:
         driven_mm, sideways_mm: how the floor came nearer and went to the right since the last frame; None unknown.
         """
         was = None if self._at is None else self._moved(self._at, driven_mm, sideways_mm)
-        if was is None or (seen is not None and seen.ahead_mm < was.ahead_mm - NEARER_MM):
+        if was is None or (seen is not None and seen.ahead_mm < was.ahead_mm - ANOTHER_MM):
             self._follow(seen)
             return None
         if seen is not None and seen.ahead_mm <= was.ahead_mm + SAME_MM:
             self._went_on(was, seen, driven_mm)
             return None
         if not self._is_out_of_view(was):
-            self._follow(seen)
+            if seen is not None and seen.ahead_mm <= was.ahead_mm + ANOTHER_MM:
+                self._at = seen
+            else:
+                self._follow(seen)
             return None
         self._at = was
         self._untold = self._untold + 1 if driven_mm is None else 0
@@ -84,7 +93,7 @@ class Aside:
         self._followed, self._came_mm, self._untold = self._followed + 1, self._came_mm + came, 0
         same_side = was.left_mm * seen.left_mm > 0
         left = was.left_mm + STEADY * (seen.left_mm - was.left_mm) if same_side else seen.left_mm
-        self._at = Edge(min(was.ahead_mm, seen.ahead_mm), left)
+        self._at = Edge(min(was.ahead_mm, seen.ahead_mm), left, seen.low_mm)
 
     def _moved(self, at: Edge, driven_mm: float | None, sideways_mm: float) -> Edge:
         """Where the thing is after the chair has driven and turned about its axle."""
@@ -105,7 +114,8 @@ class Aside:
         lens = max(at.ahead_mm - self._offset_mm, 0.0)
         left = self._y_mm + lens * self._left - self._baseline_mm - UNSURE_MM
         right = self._y_mm + lens * self._right + UNSURE_MM
-        return lens < self._nearest_mm or not right <= at.left_mm <= left
+        over = at.low_mm > self._z_mm + lens * self._up - UNSURE_MM
+        return lens < self._nearest_mm or over or not right <= at.left_mm <= left
 
 
 def inner_edge_mm(left_mm: Floats) -> float:
