@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from chairward_voice_dtw import calibrate, dtw, evaluate
+from chairward_voice_dtw import calibrate, calibration, dtw, evaluate
 from chairward_voice_dtw.audio import RATE_HZ, Resampler
 from chairward_voice_dtw.engine import Heard, frame_end_s
 from chairward_voice_dtw.frontend import HOP, features
@@ -174,6 +174,17 @@ def best_of(work: Callable[[], object], times: int = 20) -> float:
     return min(found)
 
 
+def fit(manifest: Path) -> None:
+    """Fit both scores, write them where the recogniser reads them, and tell how they do on what they did not see."""
+    scores = {}
+    for name in ("plain", "fused"):
+        examples = calibrate.gather(manifest, tell, embedding=name == "fused")
+        print(f"{name}, speakers and noises held back:")
+        print("\n".join(calibrate.table(examples, calibrate.held_back(examples))), flush=True)
+        scores[name] = calibrate.fit(examples)
+    calibration.FILE.write_text(calibration.text(scores), encoding="utf-8")
+
+
 def tell(line: str) -> None:
     """Progress."""
     print(line, file=sys.stderr)
@@ -192,9 +203,7 @@ def main() -> None:
     elif options.manifest is None:
         parser.error(f"{options.what} needs a manifest")
     elif options.what == "fit":
-        for name in ("PLAIN", "FUSED"):
-            found = calibrate.gather(options.manifest, tell, embedding=name == "FUSED")
-            print(calibrate.table(name, *calibrate.fit(found)))
+        fit(options.manifest)
     else:
         compare(options.manifest, options.placements, options.speakers)
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from chairward_voice_dtw import embedding, onnx_file
-from chairward_voice_dtw.embedding import MELS, SPAN, STEP, EmbeddingStream, Network
-from chairward_voice_dtw.spotter import CONDITIONS, Prints, Spotter, coloured
+from chairward_voice_dtw.embedding import MELS, SIZE, SPAN, STEP, EmbeddingStream, Network
+from chairward_voice_dtw.spotter import CONDITIONS, Phrases, Prints, Spotter, coloured, unit
 from chairward_voice_dtw.templates import Template, files_of_folder, from_files
 
 
@@ -62,6 +63,31 @@ def test_a_template_is_most_like_itself_and_where_it_ends(model: Network, templa
         assert best.best.max() > 0.9
         assert best.last == pytest.approx(100.0 * template.end_s, abs=4)
         assert best.first < best.last < best.known
+
+
+def obvious_warp(cost: np.ndarray) -> float:
+    """Symmetric DTW 1/2/1, cell by cell, from the end."""
+    n, m = cost.shape
+
+    @cache
+    def to(i: int, j: int) -> float:
+        if i < 0 or j < 0:
+            return 0.0 if (i, j) == (-1, -1) else np.inf
+        return float(min(to(i - 1, j - 1) + 2 * cost[i, j], to(i - 1, j) + cost[i, j], to(i, j - 1) + cost[i, j]))
+
+    return to(n - 1, m - 1) / (n + m)
+
+
+def test_phrases_are_as_far_apart_as_the_obvious_warping_says() -> None:
+    rng = np.random.default_rng(3)
+    rows = [rng.normal(size=(n, SIZE)).astype(np.float32) for n in (5, 9, 7, 12)]
+    phrases = Phrases(rows, [np.array([0, 1]), np.array([2, 3])])
+    x = rng.normal(size=(8, SIZE)).astype(np.float32)
+    truth = [obvious_warp(1.0 - unit(x) @ unit(row).T) for row in rows]
+    least, usual = phrases.compare(x)
+    np.testing.assert_allclose(least, [min(truth[:2]), min(truth[2:])], atol=1e-5)
+    np.testing.assert_allclose(usual, [np.mean(truth[:2]), np.mean(truth[2:])], atol=1e-5)
+    assert phrases.compare(rows[2])[0][1] == pytest.approx(1e-4), "a phrase is no distance from itself"
 
 
 @pytest.mark.parametrize("slope", [0.0, 1.0])

@@ -13,6 +13,7 @@ from chairward_voice_dtw import calibration, figures
 from chairward_voice_dtw.cli import words as app
 from chairward_voice_dtw.evaluate import Plan, correct, trials
 from chairward_voice_dtw.streams import STREAM_HZ, Row, embed, word_bounds
+from chairward_voice_dtw.variants import VARIANTS, said
 
 
 def test_shares_carry_wilson_bounds() -> None:
@@ -32,13 +33,31 @@ def test_equal_error_rate_of_known_answers() -> None:
     assert figures.accepted_at([1.0] * 95 + [0.0] * 5, [0.5, 1.5], 0.95)["pct"] == 50.0
 
 
-def test_the_fit_finds_known_weights() -> None:
+def test_the_fit_finds_known_odds_and_what_bends_them() -> None:
     rng = np.random.default_rng(0)
-    x = rng.normal(size=(20_000, 3))
-    odds = x @ [2.0, -1.0, 0.0] + 0.5
-    said = rng.random(len(x)) < 1.0 / (1.0 + np.exp(-odds))
-    weights, bias = calibration.fit(x, said, ridge=1e-6)
-    np.testing.assert_allclose([*weights, bias], [2.0, -1.0, 0.0, 0.5], atol=0.1)
+    x = rng.normal(size=(4_000, 3))
+    for odds in (x @ [2.0, -1.0, 0.0] + 0.5, 3.0 * np.tanh(2.0 * x[:, 0] + x[:, 1]) - x[:, 2]):
+        said = rng.random(len(x)) < 1.0 / (1.0 + np.exp(-odds))
+        found = calibration.fit(x, said, ridge=1.0)
+        assert np.mean(np.abs(found.of(x) - odds)) < 0.35
+        counted = calibration.fit(x, said, counts=np.where(said, 2.0, 1.0), ridge=1.0)
+        assert np.mean(counted.of(x) - found.of(x)) == pytest.approx(np.log(2.0), abs=0.1)
+
+
+def test_the_table_is_read_as_it_was_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(1)
+    x = rng.normal(size=(200, len(calibration.EVIDENCE)))
+    found = calibration.fit(x, x[:, 0] > 0.0)
+    monkeypatch.setattr(calibration, "FILE", tmp_path / "calibration.json")
+    calibration.FILE.write_text(calibration.text({"plain": found}))
+    calibration.fitted.cache_clear()
+    assert calibration.score(x[0]) == pytest.approx(float(found.of(x[0])), abs=0.01)
+    calibration.fitted.cache_clear()
+
+
+def test_the_shipped_table_fits_what_is_measured() -> None:
+    plain = len(calibration.EVIDENCE)
+    assert set(calibration.fitted()) == {plain, plain + len(calibration.PRINTS)}
 
 
 def test_embedded_words_are_where_the_truth_says(speak) -> None:  # type: ignore[no-untyped-def]
@@ -51,6 +70,21 @@ def test_embedded_words_are_where_the_truth_says(speak) -> None:  # type: ignore
     first, last = word_bounds(clips[0][1])
     assert first / STREAM_HZ == pytest.approx(0.2, abs=0.04)
     assert (len(clips[0][1]) - last) / STREAM_HZ == pytest.approx(0.2, abs=0.04)
+
+
+def test_a_slow_word_is_longer_at_the_same_pitch_and_a_slurred_one_is_dull() -> None:
+    t = np.arange(STREAM_HZ) / STREAM_HZ
+    tone = (np.sin(2 * np.pi * 440.0 * t) + np.sin(2 * np.pi * 5000.0 * t)).astype(np.float32)
+    for name in ("slow", "slurred"):
+        variant = VARIANTS[name]
+        spoken = said(tone, variant)
+        assert len(spoken) == round(variant.stretch * len(tone))
+        power = np.abs(np.fft.rfft(spoken[2000:-2000] * np.hanning(len(spoken) - 4000))) ** 2
+        hz = np.fft.rfftfreq(len(spoken) - 4000, 1.0 / STREAM_HZ)
+        assert hz[np.argmax(power * (hz < 1000.0))] == pytest.approx(440.0, abs=5.0)
+        high, low = power[(hz > 4500.0) & (hz < 5500.0)].sum(), power[(hz > 300.0) & (hz < 600.0)].sum()
+        assert (high > 0.5 * low) == (name == "slow")
+    assert said(tone, VARIANTS["usual"]) is tone
 
 
 @pytest.mark.needs_shared

@@ -1,63 +1,106 @@
-"""Gathers evidence on development recordings and fits the score's weights (see calibration.py)."""
+"""Gathers evidence on development recordings, fits the score (calibration.py), and tells how it does on strangers.
+
+Every speaker's words are put in streams twice, with one half of the noises and with the other, so that the score can be
+tried on speakers *and* noises that it was not fitted to.
+"""
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from chairward_voice_dtw import calibration
 from chairward_voice_dtw.audio import RATE_HZ, Floats
-from chairward_voice_dtw.engine import DtwEngine, Thresholds, Voice, frame_end_s
-from chairward_voice_dtw.evaluate import speakers_of
+from chairward_voice_dtw.engine import NEVER, DtwEngine, Thresholds, Voice, frame_end_s
+from chairward_voice_dtw.evaluate import BLOCK, speakers_of
+from chairward_voice_dtw.figures import accepted_at, equal_error_rate_pct, rate_per_hour, share
 from chairward_voice_dtw.frontend import HOP
-from chairward_voice_dtw.matcher import Measures
-from chairward_voice_dtw.streams import STREAM_HZ, Placed, babble, by_role, embed, load, read_manifest
+from chairward_voice_dtw.matcher import Matcher, Measures
+from chairward_voice_dtw.streams import STREAM_HZ, Placed, Row, babble, by_role, embed, load, read_manifest
 from chairward_voice_dtw.templates import from_files
 
-SNRS = (None, 20.0, 10.0, 5.0)
-BABBLE_S = 150.0
+STREAMS = ((0, None), (0, 10.0), (1, None), (1, 10.0), (1, 5.0))
+"""Which half of the noises, and SNR in dB."""
+BABBLE = "babble"
+BABBLE_S = 120.0
+BABBLE_COUNTS = 3.0
 NEAR_END_S = 0.35
+FOLDS = 4
+LINES = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Example:
-    """Evidence of one offered stretch, whether its word was said, and by whom the words were enrolled."""
+    """Evidence of one offered stretch and whether its word was said. speaker: who enrolled the words.
+
+    half: of the noises. snr: dB, None for clean, BABBLE for sound without commands. placed: its utterance.
+    counted: a stretch as it is offered; else one made for the fit, against the vocabulary without its word.
+    """
 
     evidence: npt.NDArray[np.float64]
     said: bool
     speaker: str
+    half: int
+    snr: float | str | None
+    onset_s: float
+    end_s: float
+    placed: Placed | None = None
+    counted: bool = True
 
 
 def offers(voice: Voice, samples: Floats) -> list[Measures]:
     """All that could be a word in a stream, measured."""
-    engine = DtwEngine(voice, Thresholds(), STREAM_HZ)
+    engine = DtwEngine(voice, Thresholds(), STREAM_HZ, at_once=True)
     found = []
-    for at in range(0, len(samples), STREAM_HZ // 10):
-        for segment, spotted in engine.offers(samples[at : at + STREAM_HZ // 10]):
+    for at in range(0, len(samples), BLOCK):
+        for segment, spotted in engine.offers(samples[at : at + BLOCK]):
             if not segment.too_long:
                 found.append(voice.matcher.measure(segment, spotted))
     return found
 
 
-def said_in(measures: Measures, placed: tuple[Placed, ...]) -> Placed | None:
+def said_in(onset_s: float, end_s: float, placed: Sequence[Placed]) -> Placed | None:
     """The utterance that a stretch overlaps and whose end it is near, if any."""
-    onset, end = measures.segment.first * HOP / RATE_HZ, frame_end_s(measures.segment.last)
-    over = [p for p in placed if onset < p.end_s + 0.1 and end > p.onset_s - 0.1]
-    return next((p for p in over if end < p.end_s + NEAR_END_S), None)
+    over = [p for p in placed if onset_s < p.end_s + 0.1 and end_s > p.onset_s - 0.1]
+    return next((p for p in over if end_s < p.end_s + NEAR_END_S), None)
 
 
-def gather(manifest: Path, say: Callable[[str], None], *, embedding: bool, seed: int = 5) -> list[Example]:
-    """Examples of every speaker: own words, unknown words, and other people's talk, in clean and noisy streams.
+def examples_of(
+    matcher: Matcher, measured: Sequence[Measures], placed: Sequence[Placed], **known: Any
+) -> list[Example]:
+    """Examples of one stream. A known word is also compared with the vocabulary without it: words that are nearly right
+    must be refused too."""
+    examples = []
+    for measures in measured:
+        onset_s, end_s = measures.segment.first * HOP / RATE_HZ, frame_end_s(measures.segment.last)
+        over = said_in(onset_s, end_s, placed)
+        label = over.word if over is not None and over.role == "test" else ""
+        verdict = matcher.weigh(measures)
+        known |= {"onset_s": onset_s, "end_s": end_s, "placed": over}
+        examples.append(Example(evidence=verdict.evidence, said=verdict.word == label, **known))
+        if label in matcher.words and len(matcher.words) > 2:
+            without = matcher.weigh(measures, without=label).evidence
+            examples.append(Example(evidence=without, said=False, counted=False, **known))
+    return examples
 
-    A known word is also compared with the vocabulary without it: words that are nearly right must be refused too.
-    """
+
+def halves(rows: Sequence[Row], role: str) -> list[list[Floats]]:
+    """The sounds of a role, every second one."""
+    sounds = [load(row.path) for row in rows if row.role == role]
+    return [sounds[0::2], sounds[1::2]]
+
+
+def gather(manifest: Path, say: Callable[[str], None], *, embedding: bool, seed: int = 77) -> list[Example]:
+    """Examples of every speaker: own words, unknown words, and other people's talk, in clean and noisy streams."""
     rows = read_manifest(manifest)
-    noises, talk, strangers = ([load(r.path) for r in rows if r.role == role] for role in ("noise", "talk", "unknown"))
+    noises, talk = halves(rows, "noise"), halves(rows, "talk")
+    strangers = [load(row.path) for row in rows if row.role == "unknown"]
     examples: list[Example] = []
     for speaker in speakers_of(rows):
         roles = by_role(rows, speaker)
@@ -66,29 +109,78 @@ def gather(manifest: Path, say: Callable[[str], None], *, embedding: bool, seed:
             files.setdefault(row.word, []).append(row.path)
         voice = Voice(from_files(files), embedding=embedding)
         utterances = [(row, load(row.path)) for row in [*roles["test"], *roles["unknown"]]]
-        for snr in SNRS:
-            rng = np.random.default_rng([seed, zlib.crc32(speaker.encode()), 99 if snr is None else int(snr)])
-            stream = embed(utterances, noises, snr, rng, level_dbfs=float(rng.uniform(-32.0, -20.0)))
-            for measures in offers(voice, stream.samples):
-                over = said_in(measures, stream.placed)
-                label = over.word if over is not None and over.role == "test" else ""
-                verdict = voice.matcher.weigh(measures)
-                examples.append(Example(verdict.evidence, verdict.word == label, speaker))
-                if label in voice.matcher.words and len(voice.matcher.words) > 2:
-                    examples.append(Example(voice.matcher.weigh(measures, without=label).evidence, False, speaker))
-        rng = np.random.default_rng([seed, zlib.crc32(speaker.encode()), 77])
-        strange = offers(voice, babble(strangers, talk, noises, BABBLE_S, rng))
-        examples += [Example(voice.matcher.weigh(measures).evidence, False, speaker) for measures in strange]
+        who = zlib.crc32(speaker.encode())
+        for half, snr in STREAMS:
+            rng = np.random.default_rng([seed, who, 99 if snr is None else int(snr), half])
+            stream = embed(utterances, noises[half], snr, rng, level_dbfs=float(rng.uniform(-32.0, -20.0)))
+            measured = offers(voice, stream.samples)
+            examples += examples_of(voice.matcher, measured, stream.placed, speaker=speaker, half=half, snr=snr)
+        for half in (0, 1):
+            rng = np.random.default_rng([seed, who, 31337, half])
+            measured = offers(voice, babble(strangers, talk[half], noises[half], BABBLE_S, rng))
+            examples += examples_of(voice.matcher, measured, (), speaker=speaker, half=half, snr=BABBLE)
         say(f"{speaker}: {len(examples)} examples so far")
     return examples
 
 
-def fit(examples: list[Example]) -> tuple[npt.NDArray[np.float64], float]:
-    """Weights and bias from all examples."""
-    return calibration.fit(np.array([e.evidence for e in examples]), np.array([e.said for e in examples]))
+def fit(examples: Sequence[Example]) -> calibration.Score:
+    """The score from all examples. Sound without commands counts more: it is what a chair hears all day."""
+    counts = np.array([BABBLE_COUNTS if e.snr == BABBLE else 1.0 for e in examples])
+    said = np.array([e.said for e in examples])
+    return calibration.fit(np.array([e.evidence for e in examples]), said, counts=counts)
 
 
-def table(name: str, weights: npt.NDArray[np.float64], bias: float) -> str:
-    """As it stands in calibration.py."""
-    lines = ",\n".join(f"        {w:.3f}" for w in weights)
-    return f"{name} = np.array(\n    [\n{lines},\n    ]\n)\n{name}_BIAS = {bias:.3f}\n"
+def held_back(examples: Sequence[Example]) -> npt.NDArray[np.float64]:
+    """Each example's score by weights that saw neither its speaker nor its half of the noises."""
+    speakers = sorted({e.speaker for e in examples})
+    fold = np.array([speakers.index(e.speaker) % FOLDS for e in examples])
+    half = np.array([e.half for e in examples])
+    scores = np.zeros(len(examples))
+    for f in range(FOLDS):
+        for h in (0, 1):
+            mine = [i for i in range(len(examples)) if fold[i] == f and half[i] == h]
+            found = fit([e for e, k, q in zip(examples, fold, half, strict=True) if k != f and q != h])
+            scores[mine] = found.of(np.array([examples[i].evidence for i in mine]))
+    return scores
+
+
+def table(examples: Sequence[Example], scores: npt.NDArray[np.float64]) -> list[str]:
+    """What one threshold for all words gives: right and accepted, unknown accepted, false accepts an hour."""
+    best: dict[tuple[str, int, float | str | None, Placed], tuple[float, bool]] = {}
+    strange: dict[tuple[str, int], list[tuple[Example, float]]] = {}
+    for example, score in zip(examples, scores, strict=True):
+        if example.counted and example.snr == BABBLE:
+            strange.setdefault((example.speaker, example.half), []).append((example, score))
+        elif example.counted and example.placed is not None:
+            key = (example.speaker, example.half, example.snr, example.placed)
+            best[key] = max(best.get(key, (NEVER, False)), (float(score), example.said))
+    lines = []
+    for snr in dict.fromkeys(snr for _, snr in STREAMS):
+        known = [(s, said) for (_, _, q, p), (s, said) in best.items() if q == snr and p.role == "test"]
+        unknown = [s for (_, _, q, p), (s, _) in best.items() if q == snr and p.role == "unknown"]
+        right = [s if said else NEVER for s, said in known]
+        at = "  ".join(
+            f"{line:+.1f}: {share(sum(r >= line for r in right), len(right))['pct']} / "
+            f"{share(sum(u >= line for u in unknown), len(unknown))['pct']}"
+            for line in LINES
+        )
+        lines.append(
+            f"{'clean' if snr is None else f'{snr:g} dB'}: {len(known)} known offered, {len(unknown)} unknown; EER "
+            f"{equal_error_rate_pct(right, unknown)} %, unknown accepted at 95 % true accept "
+            f"{accepted_at(right, unknown, 0.95)['pct']} %; right and accepted / unknown accepted by threshold: {at}"
+        )
+    hours = len(strange) * BABBLE_S / 3600.0
+    rates = "  ".join(f"{line:+.1f}: {rate_per_hour(_accepts(strange, line), hours)['per_hour']}" for line in LINES)
+    lines.append(f"false accepts an hour in {hours:.2f} h of noise, talk and unknown words: {rates}")
+    return lines
+
+
+def _accepts(strange: dict[tuple[str, int], list[tuple[Example, float]]], line: float) -> int:
+    """How often a stretch passes that does not overlap the last one that passed."""
+    count = 0
+    for stream in strange.values():
+        until = -1.0
+        for example, score in stream:
+            if score >= line and example.onset_s > until:
+                count, until = count + 1, example.end_s
+    return count

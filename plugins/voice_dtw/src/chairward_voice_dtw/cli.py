@@ -24,6 +24,8 @@ WordSet = Annotated[
     typer.Option("--set", help="another set of recordings of the same person: tired, hoarse; empty: the usual voice"),
 ]
 
+StopWord = Annotated[str, typer.Option("--stop-word", help="the word that means stop")]
+
 
 def person_dir(person: str, folder: Path | None) -> Path:
     """Where a person's recordings are kept: what `chairward.profile` uses too."""
@@ -144,28 +146,30 @@ def try_words(
     person: Person,
     folder: Folder = None,
     word_set: WordSet = "",
+    stop_word: StopWord = "stop",
 ) -> None:
-    """What would be heard in these sound files, and how surely."""
+    """What would be heard in these sound files, and how surely: by the recogniser that drives."""
     from chairward_voice_dtw.audio import SoundError, read_wav
-    from chairward_voice_dtw.matcher import Matcher
+    from chairward_voice_dtw.engine import Thresholds, Voice
     from chairward_voice_dtw.store import StoreError, WordStore
     from chairward_voice_dtw.streams import STREAM_HZ
-    from chairward_voice_dtw.templates import cut_out, from_files
+    from chairward_voice_dtw.templates import from_files
+    from chairward_voice_dtw.trial import hear
 
-    line = VoiceSettings().threshold
+    usual = VoiceSettings()
+    thresholds = Thresholds(word=usual.threshold, stop=usual.stop_threshold, stop_words=frozenset({stop_word}))
     try:
         stored = WordStore(person_dir(person, folder), word_set).files()
         if not stored:
             raise SoundError(f"{person} has no recorded words yet; record them with 'chairward words record'")
-        matcher = Matcher(from_files(stored))
+        voice = Voice(from_files(stored))
         for path in files:
-            segment = cut_out(read_wav(path, STREAM_HZ)[0])
-            if segment is None:
-                typer.echo(f"{path}: no word stands out of the background")
+            heard = hear(voice, thresholds, read_wav(path, STREAM_HZ)[0])
+            if heard is None:
+                typer.echo(f"{path}: nothing in it sounds like a word of {person}'s")
                 continue
-            verdict = matcher.judge(segment)
-            said = f"heard '{verdict.word}'" if verdict.score >= line else f"refused (nearest is '{verdict.word}')"
-            typer.echo(f"{path}: {said}, score {verdict.score:.1f}, needed {line:.1f}")
+            said = f"heard '{heard.word}'" if heard.accepted else f"refused (nearest is '{heard.word}')"
+            typer.echo(f"{path}: {said}, score {heard.score:.1f}, needed {thresholds.of(heard.word):.1f}")
     except (SoundError, StoreError) as error:
         raise fail(error) from None
 
@@ -221,7 +225,7 @@ def evaluate(
     hours: Annotated[float, typer.Option("--hours", min=0.0, help="of sound without commands")] = 3.0,
     engine: Annotated[str, typer.Option("--engine", help=", ".join(get_args(EngineName)))] = "default",
     placements: Annotated[int, typer.Option("--placements", min=1, help="streams for each speaker and SNR")] = 3,
-    stop_word: Annotated[str, typer.Option("--stop-word", help="the word that means stop")] = "stop",
+    stop_word: StopWord = "stop",
     seed: Annotated[int, typer.Option("--seed", min=0, help="of places, noises and levels")] = 1,
     threshold: Annotated[float, typer.Option("--threshold", help="log-odds a word needs")] = VoiceSettings().threshold,
     stop_threshold: Annotated[
@@ -231,6 +235,7 @@ def evaluate(
     embedding: Annotated[
         bool, typer.Option("--embedding/--no-embedding", help="use the speech embedding where it is installed")
     ] = True,
+    variant: Annotated[str, typer.Option("--variant", help="usual, slow, slurred, loud, soft")] = "usual",
     quick: Annotated[bool, typer.Option("--quick", help="one placement, 6 minutes without commands")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="the whole report as JSON")] = False,
 ) -> None:
@@ -238,6 +243,7 @@ def evaluate(
     from chairward_voice_dtw.audio import SoundError
     from chairward_voice_dtw.evaluate import Plan
     from chairward_voice_dtw.evaluate import evaluate as run
+    from chairward_voice_dtw.variants import VARIANTS
 
     try:
         snrs = tuple(None if part.strip() == "clean" else float(part) for part in snr.split(","))
@@ -245,6 +251,8 @@ def evaluate(
         raise fail(ValueError(f"--snr {snr}: write clean or numbers of dB, separated by commas")) from None
     if engine not in get_args(EngineName):
         raise fail(ValueError(f"--engine {engine}: allowed are {', '.join(get_args(EngineName))}"))
+    if variant not in VARIANTS:
+        raise fail(ValueError(f"--variant {variant}: allowed are {', '.join(VARIANTS)}"))
     settings = VoiceSettings(threshold=threshold, stop_threshold=stop_threshold)
     plan = Plan(
         manifest=manifest.absolute(),
@@ -257,6 +265,7 @@ def evaluate(
         seed=seed,
         processes=processes,
         embedding=embedding,
+        variant=variant,
         settings=settings,
     )
     try:

@@ -161,6 +161,8 @@ class EmbeddingStream:
 
     def steps(self, frames: Floats) -> Floats:
         """The embeddings of whole steps of log mel frames (n * STEP x MELS)."""
+        if not len(frames):
+            return np.empty((0, SIZE), np.float32)
         x = frames.reshape(len(frames), MELS, 1)
         for layer in range(LAYERS - 1):
             # layer 0 has both neighbourhoods, then they alternate

@@ -82,13 +82,13 @@ class Voice:
 
 class DtwEngine:
     """The default: words are offered by likeness of embeddings (where installed) or by endpointers that follow the
-    noise; templates moved into the room's noise, DTW, one fused score."""
+    noise; templates moved into the room's noise, DTW, one fused score. at_once: as the Spotter's."""
 
-    def __init__(self, voice: Voice, thresholds: Thresholds, rate_hz: int) -> None:
+    def __init__(self, voice: Voice, thresholds: Thresholds, rate_hz: int, *, at_once: bool = False) -> None:
         self._matcher = voice.matcher
         self._thresholds = thresholds
         self._resampler = Resampler(rate_hz)
-        self._spotter = None if voice.prints is None else Spotter(voice.prints)
+        self._spotter = None if voice.prints is None else Spotter(voice.prints, at_once=at_once)
         longest = max(150, int(1.6 * self._matcher.longest))
         self._segmenter = Segmenter(() if self._spotter else tuple(replace(p, longest=longest) for p in LISTENERS))
         self._taken_until = -1

@@ -11,10 +11,11 @@ import numpy.typing as npt
 
 from chairward_voice_dtw import dtw
 from chairward_voice_dtw.audio import Floats, SoundError
+from chairward_voice_dtw.engine import Thresholds, Voice
 from chairward_voice_dtw.frontend import features, subtract
-from chairward_voice_dtw.matcher import Matcher
 from chairward_voice_dtw.streams import STREAM_HZ, active_rms, frame_rms
-from chairward_voice_dtw.templates import Template, cut_out, from_files, make_template
+from chairward_voice_dtw.templates import Template, from_files, make_template
+from chairward_voice_dtw.trial import hear
 
 FEWEST, MOST = 3, 5
 QUIET_DBFS = -50.0
@@ -78,12 +79,11 @@ def tried(
     """A sentence if the new recordings of a word, among the person's other words, do not recognise one more take."""
     kept = {name: paths for name, paths in others.items() if name != word}
     templates = [*from_files(kept), *(make_template(word, samples, name) for name, samples in recordings)]
-    segment = cut_out(trial)
-    if segment is None:
+    heard = hear(Voice(templates), Thresholds(), trial)
+    if heard is None:
         return [f"'{word}', tried once more: no word stands out of the background"]
-    verdict = Matcher(templates).judge(segment)
-    if verdict.word != word:
-        return [f"'{word}', tried once more, was taken for '{verdict.word}': record it again, or choose another word"]
+    if heard.word != word:
+        return [f"'{word}', tried once more, was taken for '{heard.word}': record it again, or choose another word"]
     return []
 
 

@@ -142,13 +142,21 @@ class Matcher:
         around = [m.segment.before_db / 10.0, m.segment.after_db / 10.0, m.segment.peak_db / 20.0]
         prints = []
         if m.spotted is not None:
-            likeness, usual = m.spotted.best, m.spotted.usual
+            likeness, usual, phrase = m.spotted.best, m.spotted.usual, m.spotted.phrase
+            phrases = [
+                phrase[best] / m.spotted.spread[best],
+                phrase[best] / phrase[others].min(initial=1.5 * phrase[best]),
+                phrase[best] / phrase[keep].mean(),
+                m.spotted.usual_phrase[best] / m.spotted.spread[best],
+            ]
             prints = [
                 likeness[best],
                 likeness[best] - likeness[others].max(initial=0.0),
                 likeness[best] - likeness[keep].mean(),
                 usual[best],
                 usual[best] - usual[others].max(initial=0.0),
+                phrase[best],
+                *np.log(phrases),
             ]
         evidence = np.clip([*np.log(np.maximum(ratios, 1e-9)), stretch, *around, *prints], -LIMIT, LIMIT)
         return Verdict(word=self.words[best], score=calibration.score(evidence), evidence=evidence)

@@ -152,18 +152,23 @@ def embed(
     rng: np.random.Generator,
     *,
     level_dbfs: float = -26.0,
+    gain_db: float = 0.0,
     lead_s: float = 2.5,
     gap_s: tuple[float, float] = (0.9, 2.1),
 ) -> Stream:
-    """The utterances in random order, each somewhere between silences; snr_db None: only each recording's own room."""
+    """The utterances in random order, each somewhere between silences; snr_db None: only each recording's own room.
+
+    gain_db: of the words over level_dbfs, to which the noise keeps its distance.
+    """
     level = 10.0 ** (level_dbfs / 20.0)
+    word_level = level * 10.0 ** (gain_db / 20.0)
     parts: list[Floats] = []
     placed: list[Placed] = []
     now = 0
     order = rng.permutation(len(utterances))
     for number, which in enumerate(order):
         row, clip = utterances[int(which)]
-        clip = clip * np.float32(level / active_rms(clip))
+        clip = clip * np.float32(word_level / active_rms(clip))
         before = int(STREAM_HZ * (lead_s if number == 0 else rng.uniform(*gap_s) / 2.0))
         after = int(STREAM_HZ * rng.uniform(*gap_s) / 2.0)
         cell = room_tone(clip, before + len(clip) + after, rng)

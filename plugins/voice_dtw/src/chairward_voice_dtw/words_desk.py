@@ -18,14 +18,15 @@ import numpy.typing as npt
 
 from chairward_voice_dtw import dtw
 from chairward_voice_dtw.audio import RATE_HZ, Floats, SoundError, read_wav, resample
+from chairward_voice_dtw.engine import Thresholds, Voice
 from chairward_voice_dtw.enrolment import FEWEST, MOST, check, separability, sound_problem
 from chairward_voice_dtw.frontend import MelStream, features, subtract
-from chairward_voice_dtw.matcher import Matcher
 from chairward_voice_dtw.segmenter import Segment
 from chairward_voice_dtw.settings import VoiceSettings
 from chairward_voice_dtw.store import StoreError, WordStore
 from chairward_voice_dtw.streams import STREAM_HZ, active_rms
 from chairward_voice_dtw.templates import cut_out, from_files
+from chairward_voice_dtw.trial import hear
 
 LONGEST_S = 10.0
 WAVE_COLUMNS = 240
@@ -37,10 +38,10 @@ Answer = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """A person's words, ready to be compared: the matcher that decides, and plain distances for people to look at."""
+    """A person's words, ready to be compared: the voice that decides, and plain distances for people to look at."""
 
     files: Mapping[str, list[Path]]
-    matcher: Matcher
+    voice: Voice
     words: list[str]
     packed: npt.NDArray[np.float32]
     lengths: npt.NDArray[np.int64]
@@ -50,7 +51,7 @@ class Known:
         """Of the recordings of each word. Raises SoundError."""
         templates = from_files(files)
         packed, lengths = dtw.pack([features(subtract(t.mel, t.noise)) for t in templates])
-        return cls(files, Matcher(templates), [t.word for t in templates], packed, lengths)
+        return cls(files, Voice(templates), [t.word for t in templates], packed, lengths)
 
     def nearness(self, segment: Segment) -> list[Answer]:
         """Each word's distance under the least one, so 1 for the nearest word and less for farther ones, in order."""
@@ -153,18 +154,18 @@ class WordsDesk:
             raise SoundError(f"{request['person']} has no recorded words yet")
         if self._known is None or self._known.files != files:
             self._known = Known.of(files)
-        segment = cut_out(_sound(Path(str(request["path"]))))
-        if segment is None:
+        sound, settings = _sound(Path(str(request["path"]))), VoiceSettings()
+        stop_words = frozenset(str(word) for word in request.get("stop_words", []))
+        thresholds = Thresholds(word=settings.threshold, stop=settings.stop_threshold, stop_words=stop_words)
+        heard, segment = hear(self._known.voice, thresholds, sound), cut_out(sound)
+        if heard is None:
             return {"heard": None, "word": "", "score": None, "needed": None, "scores": []}
-        verdict = self._known.matcher.judge(segment)
-        settings = VoiceSettings()
-        needed = settings.stop_threshold if verdict.word in request.get("stop_words", []) else settings.threshold
         return {
-            "heard": verdict.word if verdict.score >= needed else None,
-            "word": verdict.word,
-            "score": round(verdict.score, 2),
-            "needed": needed,
-            "scores": self._known.nearness(segment),
+            "heard": heard.word if heard.accepted else None,
+            "word": heard.word,
+            "score": round(heard.score, 2),
+            "needed": thresholds.of(heard.word),
+            "scores": [] if segment is None else self._known.nearness(segment),
         }
 
 
