@@ -223,26 +223,38 @@ def by_obstacle(results: evaluate.Results) -> dict[str, Any]:
     return out
 
 
+def summarised(results: evaluate.Results, seed: int, measured: int, lots: int) -> dict[str, Any]:
+    """All that is written: the figures, those of each kind of thing, the table of walls."""
+    return {
+        "seed": seed,
+        "lots": f"{measured} of {lots}",
+        **figures.summary(results),
+        "by_obstacle": by_obstacle(results),
+        "textured_wall_mean_error_mm": wall_table(seed),
+    }
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pairs", type=int, default=5200)
     parser.add_argument("--drives", type=int, default=480)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--lots", type=int, help="only the first so many lots of about 150 pairs and 14 drives")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--keep", default="")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "eyes_rendered.json")
     arguments = parser.parse_args()
     lots = max(1, round(max(arguments.pairs / PAIRS_A_LOT, arguments.drives / DRIVES_A_LOT)))
     share = [[n * (i + 1) // lots - n * i // lots for n in (arguments.pairs, arguments.drives)] for i in range(lots)]
-    tasks = [(arguments.seed, i, share[i][0], share[i][1], "" if i else arguments.keep) for i in range(lots)]
+    chosen = range(lots)[: arguments.lots]
+    tasks = [(arguments.seed, i, share[i][0], share[i][1], "" if i else arguments.keep) for i in chosen]
     results = evaluate.Results()
     with Pool(arguments.jobs) as pool:
         for i, part in enumerate(pool.imap(lot, tasks)):
             results.pairs += part.pairs
             results.sequences += part.sequences
-            print(f"lot {i + 1} of {lots}", file=sys.stderr, flush=True)
-    summary = {"seed": arguments.seed, **figures.summary(results), "by_obstacle": by_obstacle(results)}
-    summary["textured_wall_mean_error_mm"] = wall_table(arguments.seed)
+            print(f"lot {i + 1} of {len(chosen)}", file=sys.stderr, flush=True)
+    summary = summarised(results, arguments.seed, len(chosen), lots)
     arguments.out.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
     for kind in ("synthetic", "sequence"):
         if kind not in summary:
