@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
+from dataclasses import FrozenInstanceError, astuple
 from math import inf
 
 import pytest
@@ -14,7 +14,7 @@ from chairward.facts import Limits
 from chairward.profile import ProfileError
 from chairward.profile.models import PROTECTED_MM, LimitsTable, StoppingTable
 from chairward.profile.proof import Proof, allowed_mm_s, largest_mm_s, needed_mm, prove, reaction_s
-from chairward.stopping import decel_on_slope_mm_s2
+from chairward.stopping import approach_speed_mm_s, decel_on_slope_mm_s2
 
 HERE = "chairs/x.toml: {}".format
 REACTION, DECEL, CLOSING = st.floats(0.02, 1.5), st.floats(20, 3000), st.floats(0, 2000)
@@ -246,3 +246,16 @@ def test_a_speed_that_the_chair_has_already_counts_in_what_it_is_allowed() -> No
     inside = Limits(stop_mm=600, reaction_s=0.45, decel_mm_s2=600.0, caps=Caps(500.0, 0.0, 0.0, 0.0))
     assert allowed_mm_s(899.0, 600.0, inside) == 0.0, "300 mm are needed from 600 mm/s"
     assert allowed_mm_s(900.0, 600.0, inside) > 0.0
+
+
+def test_a_proof_is_told_to_the_millisecond_and_nobody_changes_it() -> None:
+    proof = Proof(reaction_s=2.0, decel_mm_s2=600.0, needed_mm=1.0, room_mm=2.0, nearest_mm=500.0)
+    assert "reaction 2000 ms" in str(proof)
+    with pytest.raises(FrozenInstanceError):
+        proof.reaction_s = 0.0
+
+
+def test_beyond_what_a_reading_can_say_more_room_allows_no_more() -> None:
+    unlimited = Limits(caps=Caps(), stop_mm=600, reaction_s=0.45, decel_mm_s2=600.0)
+    farthest = approach_speed_mm_s(20_000 - 600, 0.0, 0.45, 600.0)
+    assert allowed_mm_s(25_000.0, 0.0, unlimited) == allowed_mm_s(20_000.0, 0.0, unlimited) == farthest

@@ -27,7 +27,6 @@ from chairward.profile.models import PROTECTED_MM, LimitsTable, StoppingTable
 from chairward.stopping import decel_on_slope_mm_s2, largest_speed_mm_s, stopping_distance_mm
 
 STEP_S = 0.005
-STANDING_MM_S = 0.1
 FARTHEST_MM = 20_000
 """Of a RangeReading."""
 Where = Callable[[str], str]
@@ -81,9 +80,9 @@ def closest_mm(
     """How near the chair comes to a wall at worst.
 
     It starts at full speed before the rules have a say. Each reading is as late as all delays together (but for the
-    watchdog) and as much too long as its error; the rules turn it into a speed, and the drive brakes and gathers speed
-    towards it. At every instant the guard may die: the last speed is kept for the watchdog's time, then the brakes act.
-    A crawl past a blind sensor (rule 5) ends in the same way, at stop_mm.
+    watchdog) and as much too long as its error; the rules turn it into a speed; the drive brakes down to it, or goes so
+    fast at once. At every instant the guard may die: the last speed is kept for the watchdog's time, then the brakes
+    act. A crawl past a blind sensor (rule 5) ends in the same way, at stop_mm.
     """
     watchdog = stopping.watchdog_ms / 1000.0
     speed = float(limits.forward_mm_s)
@@ -96,16 +95,15 @@ def closest_mm(
     if crawl:
         way = stopping_distance_mm(limits.crawl_mm_s, reaction, decel_mm_s2)
         nearest = min(nearest, limits.stop_mm - stopping.sensor_error_mm - way)
-    standing = 0
-    while standing <= len(late):
+    while True:
         late.append(distance)
-        allowed = min(allowed_mm_s(late.popleft() + stopping.sensor_error_mm, speed, under), limits.forward_mm_s)
-        change = -decel_mm_s2 if allowed < speed else float(limits.accel_mm_s2)
-        speed = max(speed + change * STEP_S, allowed) if change < 0.0 else min(speed + change * STEP_S, allowed)
+        seen = late.popleft()
+        allowed = min(allowed_mm_s(seen + stopping.sensor_error_mm, speed, under), limits.forward_mm_s)
+        speed = max(speed - decel_mm_s2 * STEP_S, allowed)
         distance -= speed * STEP_S
         nearest = min(nearest, distance - stopping_distance_mm(speed, watchdog, decel_mm_s2))
-        standing = standing + 1 if speed < STANDING_MM_S else 0
-    return nearest
+        if seen == distance:  # it stands, and has stood for as long as a reading is late
+            return nearest
 
 
 def allowed_mm_s(reading_mm: float, speed_mm_s: float, limits: Limits) -> float:
