@@ -265,11 +265,12 @@ def copy_tree(to: Path) -> Path:
 
 
 def judge(mutants: list[Mutant], folder: Path, processes: int, *, fresh: bool) -> dict[str, str]:
-    """Key -> first failure. What the ledger knows as killed is not tried again, unless all is to be fresh."""
+    """Key -> first failure. Tried are all (fresh), or what the ledger does not know, and survivors without a reason."""
     lines = LEDGER.read_text().splitlines() if LEDGER.exists() and not fresh else []
     known: dict[str, str] = dict(json.loads(line) for line in lines)
     known |= {mutant.key: NONE_FAILS for mutant in mutants if mutant.never_tried}
-    todo = [m for m in mutants if known.get(m.key, NONE_FAILS) == NONE_FAILS and not m.never_tried]
+    why = reasons()
+    todo = [m for m in mutants if m.key not in known or (known[m.key] == NONE_FAILS and not reason_of(m, why))]
     print(f"{len(mutants)} mutants, {len(todo)} to try", flush=True)
     fork = multiprocessing.get_context("fork")
     answers: multiprocessing.Queue[tuple[str, str]] = fork.Queue()
@@ -317,13 +318,23 @@ def coverage(tree: Path) -> dict[str, Any]:
     }
 
 
-def count(mutants: list[Mutant], said: dict[str, str]) -> dict[str, Any]:
-    """How many were killed, and each survivor with the reason why it may live ("" where nobody has given one)."""
-    reasons = {
+def reasons() -> dict[tuple[str, str], str]:
+    """Why survivors may live, by their lines before and after."""
+    return {
         (entry["was"], entry["now"]): group["reason"]
         for group in tomllib.loads(REASONS.read_text()).get("group", [])
         for entry in group["survivors"]
     }
+
+
+def reason_of(mutant: Mutant, why: dict[tuple[str, str], str]) -> str:
+    """Why this one may live; "" where nobody has given a reason."""
+    return mutant.never_tried or why.get((mutant.was, mutant.now), "")
+
+
+def count(mutants: list[Mutant], said: dict[str, str]) -> dict[str, Any]:
+    """How many were killed, and each survivor with the reason why it may live."""
+    why = reasons()
     survivors = [mutant for mutant in mutants if said[mutant.key] == NONE_FAILS]
     return {
         "mutants": len(mutants),
@@ -335,7 +346,7 @@ def count(mutants: list[Mutant], said: dict[str, str]) -> dict[str, Any]:
                 "operator": mutant.operator,
                 "was": mutant.was,
                 "now": mutant.now,
-                "reason": mutant.never_tried or reasons.get((mutant.was, mutant.now), ""),
+                "reason": reason_of(mutant, why),
             }
             for mutant in survivors
         ],
