@@ -91,8 +91,9 @@ class Acceptance:
         """Each way is that way."""
         self._drives_on(way, SIGN_S)
         seen = self.judge.turns(self.chair, way)
+        found = seen or f"nothing turns; {self.chair.why()}"
         self.chair.stand()
-        return Result("", seen == way, seen or "nothing turns", way)
+        return Result("", seen == way, found, way)
 
     def _cap(self, way: Command) -> Result:
         """The way's speed is reached, and never passed."""
@@ -138,7 +139,8 @@ class Acceptance:
             if seen is None:
                 last = self.chair.last
                 nearest = last.decision.nearest_mm if last is not None else None
-                return Result("", False, f"seen at {nearest} mm", f"{distance_mm:g} mm", picture=picture)
+                found = f"seen at {nearest} mm; {self.chair.why()}"
+                return Result("", False, found, f"{distance_mm:g} mm", picture=picture)
             self.chair.arm()
             self.chair.hand.hold(Command.FRONT)
             self.chair.wait(_never, 1.5)
