@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import FrozenInstanceError, astuple
 from math import inf
 
@@ -14,7 +15,7 @@ from chairward.facts import Limits
 from chairward.profile import ProfileError
 from chairward.profile.models import PROTECTED_MM, LimitsTable, StoppingTable
 from chairward.profile.proof import Proof, allowed_mm_s, largest_mm_s, needed_mm, prove, reaction_s
-from chairward.stopping import approach_speed_mm_s, decel_on_slope_mm_s2
+from chairward.stopping import G_MM_S2, approach_speed_mm_s, decel_on_slope_mm_s2
 
 HERE = "chairs/x.toml: {}".format
 REACTION, DECEL, CLOSING = st.floats(0.02, 1.5), st.floats(20, 3000), st.floats(0, 2000)
@@ -259,3 +260,37 @@ def test_beyond_what_a_reading_can_say_more_room_allows_no_more() -> None:
     unlimited = Limits(caps=Caps(), stop_mm=600, reaction_s=0.45, decel_mm_s2=600.0)
     farthest = approach_speed_mm_s(20_000 - 600, 0.0, 0.45, 600.0)
     assert allowed_mm_s(25_000.0, 0.0, unlimited) == allowed_mm_s(20_000.0, 0.0, unlimited) == farthest
+
+
+def test_the_stop_distance_that_is_advised_makes_up_for_what_is_missing() -> None:
+    errs = StoppingTable(closing_mm_s=0).model_copy(update={"sensor_error_mm": 400})
+    with pytest.raises(ProfileError) as caught:
+        prove(LimitsTable(), errs, 200, HERE)
+    found = re.search(r"as near as (-?\d+) mm .* raise stop_mm to (\d+)", str(caught.value))
+    assert found
+    near, enough = map(int, found.groups())
+    assert near < PROTECTED_MM / 2
+    assert enough == LimitsTable().stop_mm + PROTECTED_MM - near
+
+
+def test_a_chair_that_just_keeps_the_distance_keeps_it() -> None:
+    stopping = StoppingTable(closing_mm_s=0, sensor_error_mm=120)
+    assert prove(LimitsTable(crawl_mm_s=60), stopping, 200, HERE).nearest_mm == PROTECTED_MM
+
+
+def test_a_slope_that_takes_just_all_of_the_deceleration_is_refused() -> None:
+    stopping = StoppingTable().model_copy(update={"decel_mm_s2": G_MM_S2 * 10 / 100.0, "slope_percent": 10})
+    with pytest.raises(ProfileError, match="lower slope_percent or measure a larger decel_mm_s2"):
+        prove(LimitsTable(), stopping, 200, HERE)
+
+
+def test_a_chair_that_hardly_brakes_is_refused_for_its_speed() -> None:
+    weak = StoppingTable().model_copy(update={"decel_mm_s2": 0.5})
+    with pytest.raises(ProfileError, match=r"forward_mm_s = 500: the chair needs \d+ mm to stop"):
+        prove(LimitsTable(), weak, 200, HERE)
+
+
+def test_one_millimetre_a_second_that_fits_is_named_and_the_reaction_to_the_millisecond() -> None:
+    short = StoppingTable(closing_mm_s=0, watchdog_ms=500).model_copy(update={"sensor_range_mm": 601})
+    with pytest.raises(ProfileError, match=r"\(reaction 750 ms, .* at most 1 fits"):
+        prove(LimitsTable(), short, 200, HERE)

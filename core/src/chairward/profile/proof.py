@@ -18,7 +18,6 @@ from functools import lru_cache
 from math import ceil, floor
 
 from chairward import rules, scene
-from chairward.components import Motion
 from chairward.envelope import OPEN, meet
 from chairward.facts import Facts, Limits, State
 from chairward.messages import DriveStatus, RangeReading
@@ -112,7 +111,7 @@ def allowed_mm_s(reading_mm: float, speed_mm_s: float, limits: Limits) -> float:
     reading = RangeReading(seq=1, captured_ns=1, can_see=True, ahead_mm=ahead_mm)
     status = DriveStatus(at_ns=1, linked=True, armed=True, speed_mm_s=speed_mm_s)
     facts = Facts(now_ns=1, ranges={"front/eyes": (reading,)}, drive=status)
-    view = scene.look(facts, State(output=Motion(speed_mm_s, 0.0)), limits)
+    view = scene.look(facts, State(), limits)
     return meet((*rules.stop_distance(view), *rules.approach_speed(view))).forward_mm_s
 
 
