@@ -1,6 +1,6 @@
 """Our ears beside others on the same streams, speed of the warping kernel, and the fit of the score.
 
-    python benchmarks/ears.py compare MANIFEST [--placements 1] [--speakers 3]
+    python benchmarks/ears.py compare MANIFEST [--placements 1] [--speakers 3] [--source asc]
     python benchmarks/ears.py speed
     python benchmarks/ears.py fit MANIFEST
 
@@ -12,6 +12,7 @@ advantage). `speed`: our kernel and, when installed, dtaidistance. Extra package
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -19,16 +20,19 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+import report
 
 from chairward_voice_dtw import calibrate, calibration, dtw, evaluate
 from chairward_voice_dtw.audio import RATE_HZ, Resampler
 from chairward_voice_dtw.engine import Heard, frame_end_s
+from chairward_voice_dtw.figures import Share, share
 from chairward_voice_dtw.frontend import HOP, features
 from chairward_voice_dtw.segmenter import LISTENERS, Segmenter
-from chairward_voice_dtw.streams import STREAM_HZ, by_role, embed, load, read_manifest
+from chairward_voice_dtw.streams import STREAM_HZ, by_role, embed, family, load, read_manifest
 from chairward_voice_dtw.templates import Template, from_files
 
 SNRS = (None, 20.0, 10.0, 5.0)
+ENGLISH = ("sc", "fsdd", "tts")
 Floats = npt.NDArray[np.float32]
 
 
@@ -71,27 +75,36 @@ class RavenLike:
         return out
 
 
-def compare(manifest: Path, placements: int, most: int) -> None:
-    """Closed-set accuracy of each engine by source and SNR."""
+def compare(manifest: Path, placements: int, most: int, wanted: str) -> None:
+    """Closed-set accuracy of each engine by source and SNR, added to results/ears.json."""
     rows = read_manifest(manifest)
     speakers = evaluate.speakers_of(rows)
-    sources = list(dict.fromkeys(by_role(rows, s)["test"][0].source for s in speakers))
     engines: dict[str, Callable[[str, float | None, int], list[evaluate.Trial]]] = {
         name: (lambda s, snr, p, n=name: evaluate.trials(evaluate.Plan(manifest=manifest, engine=n), s, snr, p))  # type: ignore[misc]
         for name in ("default", "thesis_text", "thesis_code")
     }
     engines["Raven-like"] = lambda s, snr, p: raven_trials(manifest, s, snr, p)
-    for source in sources:
-        mine = [s for s in speakers if by_role(rows, s)["test"][0].source == source][:most]
-        print(f"{source} ({len(mine)} speakers): closed-set accuracy, %, clean / 20 / 10 / 5 dB")
+    file = report.RESULTS / "ears.json"
+    result = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    for source in dict.fromkeys(family(by_role(rows, s)["test"][0]) for s in speakers):
+        if wanted not in ("", source):
+            continue
+        mine = [s for s in speakers if family(by_role(rows, s)["test"][0]) == source][:most]
+        table: dict[str, dict[str, Share]] = {}
         for name, run in engines.items():
-            line = []
             for snr in SNRS:
                 found = [t for s in mine for p in range(placements) for t in run(s, snr, p)]
-                value = evaluate.cell(found, "stop")["closed_set_accuracy_pct"]
-                line.append(f"{value['pct']} (n {value['n']})")
-            print(f"  {name:12s} " + " / ".join(line), flush=True)
-        pocketsphinx(manifest, mine)
+                table.setdefault(name, {})[label(snr)] = evaluate.cell(found, "stop")["closed_set_accuracy_pct"]
+        if source in ENGLISH and (peer := pocketsphinx(manifest, mine)) is not None:
+            table["pocketsphinx, true bounds"] = peer
+        result.setdefault("compare", {})[source] = {"speakers": mine, "placements": placements, "engines": table}
+        print(source, *(f"{name}: {row}" for name, row in table.items()), sep="\n  ", flush=True)
+        report.save("ears", {"machine": report.machine(), **{k: v for k, v in result.items() if k != "machine"}})
+
+
+def label(snr: float | None) -> str:
+    """As in the reports."""
+    return "clean" if snr is None else f"{snr:g}"
 
 
 def raven_trials(manifest: Path, speaker: str, snr: float | None, placement: int) -> list[evaluate.Trial]:
@@ -107,19 +120,19 @@ def raven_trials(manifest: Path, speaker: str, snr: float | None, placement: int
     )
 
 
-def pocketsphinx(manifest: Path, speakers: Sequence[str]) -> None:
+def pocketsphinx(manifest: Path, speakers: Sequence[str]) -> dict[str, Share] | None:
     """Speaker-independent JSGF recognition of each utterance, cut out at its true bounds with 0.3 s around."""
     try:
         from pocketsphinx import Decoder, get_model_path
     except ImportError:
-        print("  pocketsphinx is not installed: left out")
-        return
+        print("pocketsphinx is not installed: left out")
+        return None
     rows = read_manifest(manifest)
     spoken = dict(
         zip("0123456789", ["zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine"], strict=True)
     )
     noises = [load(r.path) for r in rows if r.role == "noise"]
-    line = []
+    found: dict[str, Share] = {}
     for snr in SNRS:
         right = total = 0
         for speaker in speakers:
@@ -141,8 +154,8 @@ def pocketsphinx(manifest: Path, speakers: Sequence[str]) -> None:
                 said = decoder.hyp()
                 right += said is not None and names.get(said.hypstr) == placed.word
                 total += 1
-        line.append(f"{100 * right / total:.2f} (n {total})")
-    print("  pocketsphinx " + " / ".join(line), flush=True)
+        found[label(snr)] = share(right, total)
+    return found
 
 
 def speed() -> None:
@@ -197,6 +210,7 @@ def main() -> None:
     parser.add_argument("manifest", type=Path, nargs="?")
     parser.add_argument("--placements", type=int, default=1)
     parser.add_argument("--speakers", type=int, default=1000, help="at most, of each source")
+    parser.add_argument("--source", default="", help="only this one: the speakers' prefix")
     options = parser.parse_args()
     if options.what == "speed":
         speed()
@@ -205,7 +219,7 @@ def main() -> None:
     elif options.what == "fit":
         fit(options.manifest)
     else:
-        compare(options.manifest, options.placements, options.speakers)
+        compare(options.manifest, options.placements, options.speakers, options.source)
 
 
 if __name__ == "__main__":

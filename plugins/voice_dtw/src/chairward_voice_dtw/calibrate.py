@@ -139,6 +139,8 @@ def held_back(examples: Sequence[Example]) -> npt.NDArray[np.float64]:
     for f in range(FOLDS):
         for h in (0, 1):
             mine = [i for i in range(len(examples)) if fold[i] == f and half[i] == h]
+            if not mine:
+                continue
             found = fit([e for e, k, q in zip(examples, fold, half, strict=True) if k != f and q != h])
             scores[mine] = found.of(np.array([examples[i].evidence for i in mine]))
     return scores
