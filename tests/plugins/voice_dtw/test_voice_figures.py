@@ -117,6 +117,12 @@ def test_a_manifest_that_cannot_be_evaluated_is_one_sentence(tmp_path: Path, row
     assert len(result.output.strip().splitlines()) == 1
 
 
+def test_a_way_of_saying_that_is_not_known_is_one_sentence(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["evaluate", str(tmp_path / "words.csv"), "--variant", "mumbled"])
+    assert result.exit_code == 1
+    assert "--variant mumbled: allowed are usual, slow, slurred, loud, soft" in result.output
+
+
 def test_an_evaluation_of_a_small_manifest_reports_every_figure(tmp_path: Path, speak) -> None:  # type: ignore[no-untyped-def]
     import soundfile
 
