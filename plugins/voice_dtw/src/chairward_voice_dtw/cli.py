@@ -224,7 +224,7 @@ def evaluate(
     snr: Annotated[str, typer.Option("--snr", help="comma separated: clean or dB")] = "clean,20,10,5",
     hours: Annotated[float, typer.Option("--hours", min=0.0, help="of sound without commands")] = 3.0,
     engine: Annotated[str, typer.Option("--engine", help=", ".join(get_args(EngineName)))] = "default",
-    placements: Annotated[int, typer.Option("--placements", min=1, help="streams for each speaker and SNR")] = 3,
+    placements: Annotated[int, typer.Option("--placements", min=1, help="streams for each speaker and SNR")] = 2,
     stop_word: StopWord = "stop",
     seed: Annotated[int, typer.Option("--seed", min=0, help="of places, noises and levels")] = 1,
     threshold: Annotated[float, typer.Option("--threshold", help="log-odds a word needs")] = VoiceSettings().threshold,

@@ -42,7 +42,7 @@ class Plan:
     templates: int = 3
     snrs: tuple[float | None, ...] = (None, 20.0, 10.0, 5.0)
     hours: float = 3.0
-    placements: int = 3
+    placements: int = 2
     engine: EngineName = "default"
     stop_word: str = "stop"
     seed: int = 1
