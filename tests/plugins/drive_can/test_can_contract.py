@@ -25,7 +25,7 @@ class TestRnetOverSlcan(DriveContract, RampContract, ExclusivePortContract, Meas
         return rnet_rig
 
 
-class TestDbcOverVirtual(
+class OfDbc(
     DriveContract,
     RampContract,
     SoftStartContract,
@@ -34,6 +34,10 @@ class TestDbcOverVirtual(
     ExclusivePortContract,
     MeasurableContract,
 ):
+    """What any controller with a DBC file promises, whatever the wire."""
+
+
+class TestDbcOverVirtual(OfDbc):
     """python-can's virtual bus has no descriptor, so the two promises about one are kept the other way round."""
 
     @pytest.fixture
@@ -49,15 +53,7 @@ class TestDbcOverVirtual(
         assert rig.drive.fileno() == -1
 
 
-class TestDbcOverSlcan(
-    DriveContract,
-    RampContract,
-    SoftStartContract,
-    StopInputContract,
-    PowerContract,
-    ExclusivePortContract,
-    MeasurableContract,
-):
+class TestDbcOverSlcan(OfDbc):
     """The same controller behind an slcan adapter."""
 
     @pytest.fixture

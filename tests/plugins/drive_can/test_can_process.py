@@ -49,7 +49,7 @@ class Chair:
         assert self.host.stdout is not None
         assert self.host.stdout.readline() == "driving\n"
         self.until(lambda: self.model.body.forward > 0.4)
-        self.host.send_signal(signal.SIGUSR1)  # from here on it is its own affair no more
+        self.host.send_signal(signal.SIGUSR1)  # it drives: from here on it must not arm again by itself
 
     def close(self) -> None:
         self.host.send_signal(signal.SIGCONT)

@@ -155,9 +155,7 @@ class HeldDeviceContract(RecognizerContract):
 
     def test_what_is_held_is_repeated_and_says_that_it_is_held(self, rig: RecognizerRig) -> None:
         with opened(rig) as reader:
-            reader.until(well, "Alive(well=True)")
-            rig.ask(rig.commands[0])
-            first = reader.until(asks, "what is held")
+            first = _hold(rig, reader)
             reader.during(1.0)
             again = [m for m in reader.said if asks(m) and m.seq >= first.seq]
             assert all(m.held for m in again if isinstance(m, Intent)), "a switch is held: Intent(held=True)"
@@ -167,17 +165,13 @@ class HeldDeviceContract(RecognizerContract):
 
     def test_what_is_let_go_is_no_longer_asked_for(self, rig: RecognizerRig) -> None:
         with opened(rig) as reader:
-            reader.until(well, "Alive(well=True)")
-            rig.ask(rig.commands[0])
-            reader.until(asks, "what is held")
+            _hold(rig, reader)
             rig.let_go()
             _nothing_asked_after(rig, reader, time.monotonic_ns())
 
     def test_a_held_command_ends_with_its_device(self, rig: RecognizerRig) -> None:
         with opened(rig) as reader:
-            reader.until(well, "Alive(well=True)")
-            rig.ask(rig.commands[0])
-            reader.until(asks, "what is held")
+            _hold(rig, reader)
             rig.unplug()
             _nothing_asked_after(rig, reader, time.monotonic_ns())
 
@@ -195,6 +189,13 @@ class WordContract(RecognizerContract):
             assert len(heard) == 1, f"one word, said once, became {heard}"
             assert not heard[0].held, "a word is a lease, not something held"
             assert heard[0].word, "tell the word that was heard: people read it"
+
+
+def _hold(rig: RecognizerRig, reader: Reader) -> Any:
+    """The first thing that is asked for, once the device is well and its switch is held."""
+    reader.until(well, "Alive(well=True)")
+    rig.ask(rig.commands[0])
+    return reader.until(asks, "what is held")
 
 
 def well(message: object) -> bool:
