@@ -3,7 +3,9 @@ laws are tried: judged by what they find, not by how busy the machine is; with C
 what lands can be told from what was found by chance.
 
 Real processes in real time say nothing on a machine that did not run them: a test that failed while this very process
-was kept waiting is tried again, from nothing, and that is told at the end.
+was kept waiting is tried again, from nothing. So is, once, a test of whole chairs (marked `processes`), whose processes
+are other ones than this, but no more than three in a run: what is broken fails again. The end of the run tells each
+such test with how it had failed, for a failure that comes now and then is a defect to be found.
 
 HYPOTHESIS_PROFILE=quick: few cases, always the same, for benchmarks/mutation.py, which asks only whether a test fails.
 """
@@ -36,7 +38,11 @@ GAP_S = 0.1
 """Kept waiting so long, a process of the chair misses its bounds: a guard ticks every 20 ms."""
 AWAY_S = 0.3
 """Gaps of so much together count as a machine that was away."""
-AGAIN = "tried again, for this machine kept it waiting"
+WHOLE_CHAIRS = 3
+"""So many tests of whole chairs may be tried again in a run."""
+AGAIN = "tried again"
+
+CHAIRS_AGAIN = pytest.StashKey[int]()
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 
@@ -84,14 +90,15 @@ class Away:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool:
-    """Once; or again, where it failed while the machine was away."""
+    """Once; or again, where it failed while the machine was away, or a whole chair failed for the first time."""
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
     for attempt in range(1, ATTEMPTS + 1):
         with Away() as away:
             reports = runtestprotocol(item, nextitem=nextitem, log=False)
-        if attempt == ATTEMPTS or away.total_s < AWAY_S or not any(report.failed for report in reports):
+        failed = next((report for report in reports if report.failed), None)
+        if failed is None or attempt == ATTEMPTS or not (away.total_s >= AWAY_S or _whole_chair(item, attempt)):
             break
-        item.user_properties.append((AGAIN, f"{away.total_s:.1f} s"))
+        item.user_properties.append((AGAIN, f"kept waiting {away.total_s:.1f} s\n{failed.longreprtext[-3000:]}"))
         item.session._setupstate.teardown_exact(None)  # nothing of the attempt is left, whatever its scope
     for report in reports:
         item.ihook.pytest_runtest_logreport(report=report)
@@ -99,10 +106,19 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     return True
 
 
+def _whole_chair(item: pytest.Item, attempt: int) -> bool:
+    """Whether this is the first failure of a test of whole chairs, and there were few of them before."""
+    before = item.session.stash.get(CHAIRS_AGAIN, 0)
+    if attempt > 1 or before >= WHOLE_CHAIRS or item.get_closest_marker("processes") is None:
+        return False
+    item.session.stash[CHAIRS_AGAIN] = before + 1
+    return True
+
+
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Say which tests were tried again."""
+    """Say which tests were tried again, and how they had failed."""
     ended = (report for reports in terminalreporter.stats.values() for report in reports)
     for report in ended:
         for name, value in getattr(report, "user_properties", []) if getattr(report, "when", "") == "teardown" else []:
             if name == AGAIN:
-                terminalreporter.write_line(f"{AGAIN} ({value}): {report.nodeid}")
+                terminalreporter.write_line(f"{AGAIN}: {report.nodeid}: {value}")

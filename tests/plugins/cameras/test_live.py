@@ -117,6 +117,13 @@ def test_a_machine_with_one_camera_says_so(pipe_camera: Maker, opened: Maker, tm
         opened(settings_for(pipe_camera("l").path, "/dev/video97"))
 
 
+def test_two_missing_cameras_are_told_in_one_sentence(opened: Maker) -> None:
+    both = r"camera left \(/dev/video96\) cannot be opened: .*; camera right \(/dev/video97\) cannot be opened: "
+    for _ in range(5):  # whichever thread is first
+        with pytest.raises(DeviceLost, match=both):
+            opened(settings_for("/dev/video96", "/dev/video97"))
+
+
 def test_the_same_camera_twice_is_refused(tmp_path: Path, opened: Maker) -> None:
     link = tmp_path / "by-id"
     link.symlink_to("/dev/video0")

@@ -160,7 +160,7 @@ class LivePairs:
         self._seq = 0
 
     def open(self) -> None:
-        """Start both cameras and wait for the first picture of each. Raises DeviceLost, naming the camera."""
+        """Start both cameras and wait for the first picture of each. Raises DeviceLost, naming each that fails."""
         self.close()
         s = self._settings
         if device_path(s.left) == device_path(s.right):
@@ -173,15 +173,15 @@ class LivePairs:
         self._cameras = left, right
         left.start()
         right.start()
+        both = left, right
         with self._changed:
-            self._changed.wait_for(
-                lambda: left.failure or right.failure or (left.newest_ns and right.newest_ns), OPEN_TIMEOUT_S
-            )
-        silent = [c for c in (left, right) if not c.newest_ns]
-        failure = left.failure or right.failure
-        if failure or silent:
+            # Both, so that two missing cameras are told in one sentence, not in turns by which thread was first.
+            self._changed.wait_for(lambda: all(c.failure or c.newest_ns for c in both), OPEN_TIMEOUT_S)
+        silence = f"opened but gave no picture within {OPEN_TIMEOUT_S:g} s"
+        wrong = [c.failure or f"{c.name} {silence}" for c in both if c.failure or not c.newest_ns]
+        if wrong:
             self.close()
-            raise DeviceLost(failure or f"{silent[0].name} opened but gave no picture within {OPEN_TIMEOUT_S:g} s")
+            raise DeviceLost("; ".join(wrong))
         self._last_good_ns = time.monotonic_ns()
 
     def read(self, timeout_s: float) -> StereoFrame | None:
@@ -230,8 +230,9 @@ class LivePairs:
 
     def _check(self, left: Camera, right: Camera, now_ns: int) -> None:
         """Raise DeviceLost when a camera failed, or when no good pair has come for too long."""
-        if left.failure or right.failure:
-            raise DeviceLost(left.failure or right.failure)
+        failures = [camera.failure for camera in (left, right) if camera.failure]
+        if failures:
+            raise DeviceLost("; ".join(failures))
         s = self._settings
         if now_ns - self._last_good_ns <= s.lost_after_ms * MS:
             return
