@@ -1,4 +1,4 @@
-"""What the suite itself promises: a whole chair that failed once is tried once more and told; nothing else is hidden."""
+"""What the suite itself promises: a whole chair that failed is tried once more, and that is told."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ def test_plain():
 def test_a_whole_chair_is_tried_once_more_and_that_is_told(tmp_path: Path) -> None:
     (tmp_path / "conftest.py").write_text((ROOT / "tests" / "conftest.py").read_text())
     (tmp_path / "test_some.py").write_text(TESTS)
+    options = ["-n", "0", "-p", "no:cacheprovider", "-c", str(ROOT / "pyproject.toml"), "--rootdir", str(tmp_path)]
     ended = subprocess.run(
-        [sys.executable, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", "-c", str(ROOT / "pyproject.toml")]
-        + ["--rootdir", str(tmp_path), str(tmp_path / "test_some.py")],
+        [sys.executable, "-m", "pytest", *options, str(tmp_path / "test_some.py")],
         cwd=tmp_path,
         capture_output=True,
         text=True,
