@@ -14,8 +14,9 @@ import json
 import os
 import platform
 import time
-from dataclasses import replace
 from pathlib import Path
+
+from msgspec.structs import replace
 
 from chairward.arbiter import decide
 from chairward.components import Motion

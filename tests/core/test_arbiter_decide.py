@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from chairward import records
 from chairward.arbiter import decide, ramp
@@ -211,7 +209,7 @@ def test_a_veto_that_comes_with_a_gap_still_spends_the_wish() -> None:
 
 def test_the_controllers_acceptance_is_remembered_only_while_not_latched() -> None:
     ride = Ride()
-    ride.drive = msgspec.structs.replace(ride.drive, armed=True)
+    ride.drive = replace(ride.drive, armed=True)
     ride.tick()
     assert not ride.state.armed
     ride.arm()
@@ -292,7 +290,7 @@ def test_a_controller_that_accepted_motion_before_it_was_asked_to_is_not_counted
     ],
 )
 def test_the_way_back_opens_when_the_chair_is_reported_to_stand(reported: float, asked: float, given: float) -> None:
-    drive = msgspec.structs.replace(healthy(LIMITS).drive, speed_mm_s=reported)
+    drive = replace(healthy(LIMITS).drive, speed_mm_s=reported)
     scene = look(healthy(LIMITS, drive=drive), driving(), LIMITS)
     assert ramp(STILL, Motion(asked, 0.0), 0.02, scene) == Motion(given, 0.0)
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import pytest
+from msgspec.structs import replace
 
 from chairward import records
 from chairward.builtin import chairward_observers
@@ -52,7 +51,7 @@ def calling(at: set[int]) -> list[bytes]:
     ridden: list[Record] = []
     for record in ride(100):
         decision = replace(record.decision, help=record.tick in at)
-        ridden.append(msgspec.structs.replace(record, decision=decision))
+        ridden.append(replace(record, decision=decision))
     return [records.encode(record) for record in ridden]
 
 

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-import msgspec
 import pytest
 import typer
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.exceptions import McapError
 from mcap.writer import Writer
+from msgspec.structs import replace
 from typer.testing import CliRunner
 
 from chairward import plan, records
@@ -132,16 +131,16 @@ def test_other_limits_would_have_decided_differently_and_replay_says_where(recor
 def test_a_recorded_minus_zero_is_not_the_zero_that_is_decided(tmp_path: Path) -> None:
     made = list(some_records(3))
     forged = replace(made[1].decision, motion=Motion(-0.0, -0.0))
-    found = replay(kept(tmp_path, [made[0], msgspec.structs.replace(made[1], decision=forged), made[2]]), LIMITS)
+    found = replay(kept(tmp_path, [made[0], replace(made[1], decision=forged), made[2]]), LIMITS)
     assert [d.tick for d in found.differences] == [1]
     assert "decision.motion" in found.differences[0].what
 
 
 def test_whole_numbers_where_the_arbiter_was_given_whole_numbers_are_no_difference(tmp_path: Path) -> None:
     state, facts = State(latch="", armed=True), some_records(1)[0].facts
-    facts = replace(facts, drive=msgspec.structs.replace(facts.drive, speed_mm_s=0, turn_deg_s=0))
+    facts = replace(facts, drive=replace(facts.drive, speed_mm_s=0, turn_deg_s=0))
     after, decision = decide(state, facts, LIMITS)
-    made = msgspec.structs.replace(some_records(1)[0], before=state, facts=facts, after=after, decision=decision)
+    made = replace(some_records(1)[0], before=state, facts=facts, after=after, decision=decision)
     assert replay(kept(tmp_path, [made]), LIMITS).differences == []
 
 
@@ -149,7 +148,7 @@ def test_a_state_that_the_decision_before_did_not_leave_is_told(tmp_path: Path) 
     made = list(some_records(4))
     before = replace(made[2].before, output_ns=made[2].before.output_ns - MS)
     after, decision = decide(before, made[2].facts, LIMITS)
-    made[2] = msgspec.structs.replace(made[2], before=before, after=after, decision=decision)
+    made[2] = replace(made[2], before=before, after=after, decision=decision)
     found = replay(kept(tmp_path, made[:3]), LIMITS)
     assert [d.tick for d in found.differences] == [2]
     assert "was left, but tick 2 began with" in found.differences[0].what

@@ -7,15 +7,14 @@ import json
 import os
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import jsonschema
-import msgspec
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from msgspec.structs import replace
 
 from chairward import frames, records
 from chairward.components import Context
@@ -112,7 +111,7 @@ def test_the_protective_stop_is_in_the_log_with_its_reason(tmp_path: Path) -> No
 def with_stop(record: records.Record) -> bytes:
     stopped = replace(record.decision, protective_stop=True, reasons=(Why(rule="stop_distance"),))
     now = replace(record.facts, now_ns=time.monotonic_ns())
-    return records.encode(msgspec.structs.replace(record, decision=stopped, facts=now))
+    return records.encode(replace(record, decision=stopped, facts=now))
 
 
 @pytest.mark.parametrize(
@@ -157,7 +156,7 @@ def test_a_long_run_is_kept_in_parts_and_the_oldest_go(tmp_path: Path) -> None:
     for tick in range(600):  # text that cannot be packed: 8 kB a record
         text = base64.b64encode(noise.bytes(6000)).decode()
         said = replace(record.decision, notes=(text,))
-        it.observe(records.encode(msgspec.structs.replace(record, tick=tick, decision=said)))
+        it.observe(records.encode(replace(record, tick=tick, decision=said)))
     it.close()
     parts = sorted(tmp_path.glob("*.mcap"))
     assert len(parts) == 2

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import xml.etree.ElementTree as ET
-from dataclasses import replace
 from pathlib import Path
 
-import msgspec
 import pytest
+from msgspec.structs import replace
 from typer.testing import CliRunner
 
 from chairward import plan, profile, records
@@ -62,7 +62,7 @@ def drive_at_a_wall(limits: Limits, count: int) -> list[records.Record]:
 def kept(folder: Path, made: list[records.Record], every: int = 0) -> Path:
     """As the recorder keeps them; every: end a chunk after so many, as time would."""
     base = profile.load("sim", None, [], discover())
-    plan.write(replace(base, limits=LIMITS), folder / "plan.json")
+    plan.write(dataclasses.replace(base, limits=LIMITS), folder / "plan.json")
     it = Recorder(RecorderSettings(path=Path("r.mcap")), Context(lane="r", run_dir=folder, chair_dir=folder))
     for nth, record in enumerate(made):
         it.observe(records.encode(record))
@@ -86,7 +86,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory, made: list[records.Recor
 
 def test_two_cores_find_what_one_finds(tmp_path: Path, made: list[records.Record]) -> None:
     spoilt = list(made)
-    spoilt[700] = msgspec.structs.replace(spoilt[700], decision=replace(spoilt[700].decision, notes=("forged",)))
+    spoilt[700] = replace(spoilt[700], decision=replace(spoilt[700].decision, notes=("forged",)))
     del spoilt[300:310]
     path = kept(tmp_path, spoilt, every=len(made) // (2 * CHUNKS_WORTH_A_CORE))
     alone = replay(path, LIMITS, cores=1)

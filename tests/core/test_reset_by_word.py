@@ -3,9 +3,10 @@ only at a standstill, and a STOP beats both."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import dataclasses
 
 import pytest
+from msgspec.structs import replace
 
 from chairward.arbiter import decide
 from chairward.border import CONFIRM_WITHIN_NS, Border
@@ -25,7 +26,7 @@ class Listener:
     def __init__(self, *may: Button) -> None:
         lane = LanePlan(name="voice", source=Part(component="mic"), stages=(Part(component="words"),))
         limits = Limits(recognizers={LISTENER: SourceLimits(freshness_ns=400 * MS)})
-        self.border = Border({"voice": replace(lane, may=frozenset(may))}, limits)
+        self.border = Border({"voice": dataclasses.replace(lane, may=frozenset(may))}, limits)
         self.now_ns = START_NS
         self.seq = 0
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
-import msgspec
 import pytest
+from msgspec.structs import replace
 
 from chairward.components import STILL
 from chairward.envelope import CLOSED, Envelope, Grip
@@ -33,7 +32,7 @@ def said_at(name: str, at_ns: int) -> Facts:
     if name == TILT:
         return replace(facts, vetoes={TILT: Veto(seq=1, captured_ns=at_ns, stop=False)})
     if name == "drive":
-        return replace(facts, drive=msgspec.structs.replace(facts.drive, at_ns=at_ns))
+        return replace(facts, drive=replace(facts.drive, at_ns=at_ns))
     if name == "supervisor":
         return replace(facts, supervisor_ns=at_ns)
     return replace(facts, alive={**facts.alive, name: Alive(seq=1, captured_ns=at_ns)})

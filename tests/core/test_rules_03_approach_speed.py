@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
-import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from chairward.envelope import Caps, meet
 from chairward.facts import Limits
@@ -23,7 +22,7 @@ LIMITS = chair_limits(caps=Caps(1_250.0, 400.0, 40.0, 40.0))
 
 def caps_for(limits: Limits = LIMITS, reported: float | None = None, **said: Any) -> Caps:
     facts = healthy(limits, ranges={FRONT: readings(START_NS, **said)})
-    facts = replace(facts, drive=msgspec.structs.replace(facts.drive, speed_mm_s=reported))
+    facts = replace(facts, drive=replace(facts.drive, speed_mm_s=reported))
     votes = list(approach_speed(look(facts, driving(), limits)))
     assert all(vote.rule == "approach_speed" and vote.source == FRONT for vote in votes)
     return meet(votes)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
-import msgspec
 import pytest
+from msgspec.structs import replace
 
 from chairward.components import STILL, Motion
 from chairward.facts import MS, Near
@@ -174,7 +173,7 @@ def test_backing_counts_only_as_far_as_command_and_report_agree(
     limits, near = chair_limits(), Near(distance_mm=700, seen_ns=START_NS - 10**9, gone=True)
     state = driving(near={FRONT: near}, output=Motion(output, 0.0))
     facts = healthy(limits)
-    facts = replace(facts, drive=msgspec.structs.replace(facts.drive, speed_mm_s=reported))
+    facts = replace(facts, drive=replace(facts.drive, speed_mm_s=reported))
     assert remember(look(facts, state, limits), 0.02)[FRONT].backed_mm == pytest.approx(backed)
 
 
@@ -185,7 +184,7 @@ def test_turning_counts_only_as_far_as_command_and_report_agree(
     limits, near = chair_limits(), Near(distance_mm=700, seen_ns=START_NS - 10**9, gone=True)
     state = driving(near={FRONT: near}, output=Motion(0.0, output))
     facts = healthy(limits)
-    facts = replace(facts, drive=msgspec.structs.replace(facts.drive, turn_deg_s=reported))
+    facts = replace(facts, drive=replace(facts.drive, turn_deg_s=reported))
     assert remember(look(facts, state, limits), 0.02)[FRONT].turned_deg == pytest.approx(turned)
 
 
@@ -202,7 +201,7 @@ def after(near: Near, *, window: tuple[RangeReading, ...] = FAR, output: Motion 
 
 
 def at(*distances: int | None) -> tuple[RangeReading, ...]:
-    return tuple(msgspec.structs.replace(reading, ahead_mm=mm) for reading, mm in zip(FAR, distances, strict=True))
+    return tuple(replace(reading, ahead_mm=mm) for reading, mm in zip(FAR, distances, strict=True))
 
 
 @pytest.mark.parametrize(("since_ms", "farthest"), [(0, 850), (33, 916), (1_000, 2_850), (-40, 850)])

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-import msgspec
 import pytest
+from msgspec.structs import replace
 
 from chairward.components import STILL, Motion
 from chairward.envelope import CLOSED
@@ -77,7 +75,7 @@ def test_backing_is_one_step(word: Command, step: float) -> None:
 
 def test_a_step_ends_by_what_the_controller_reports_when_that_is_more_than_was_commanded() -> None:
     plain, racing = armed(), armed()
-    racing.drive = msgspec.structs.replace(racing.drive, speed_mm_s=-450.0)
+    racing.drive = replace(racing.drive, speed_mm_s=-450.0)
     for ride in (plain, racing):
         ride.tick(Command.BACK)
         while ride.state.wish:
@@ -141,9 +139,9 @@ def test_back_during_forward_goes_through_standstill() -> None:
 def test_back_waits_until_the_controller_reports_that_the_chair_has_come_to_rest() -> None:
     ride = armed()
     ride.tick(Command.FRONT, times=60)
-    ride.drive = msgspec.structs.replace(ride.drive, speed_mm_s=300.0)
+    ride.drive = replace(ride.drive, speed_mm_s=300.0)
     assert ride.tick(Command.BACK, times=5).motion == STILL
-    ride.drive = msgspec.structs.replace(ride.drive, speed_mm_s=0.0)
+    ride.drive = replace(ride.drive, speed_mm_s=0.0)
     assert ride.tick(times=2).motion.drive_mm_s < 0.0
 
 
@@ -206,7 +204,7 @@ def test_a_step_is_used_up_by_what_was_commanded_or_reported_whichever_is_more(
     facts = healthy(limits)
     if reported:
         told = {"speed_mm_s": reported.drive_mm_s, "turn_deg_s": reported.turn_deg_s}
-        facts = replace(facts, drive=msgspec.structs.replace(facts.drive, **told))
+        facts = replace(facts, drive=replace(facts.drive, **told))
     state = driving(word, output=output, step_left=step)
     assert travel(state, facts, limits, 0.5) == replace(state, step_left=left)
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
-import msgspec
 import pytest
+from msgspec.structs import replace
 
 from chairward.components import STILL
 from chairward.envelope import CLOSED, Envelope, Grip
@@ -20,7 +19,7 @@ LIMITS = chair_limits()
 
 def votes(*, accepted: bool = True, **changes: Any) -> list[Envelope]:
     facts = healthy(LIMITS)
-    facts = replace(facts, drive=msgspec.structs.replace(facts.drive, **changes))
+    facts = replace(facts, drive=replace(facts.drive, **changes))
     return list(drive_health(look(facts, driving(armed=accepted), LIMITS)))
 
 
@@ -66,7 +65,7 @@ def test_the_users_own_stop_and_a_charger_spend_the_wish_without_a_latch(changes
 def test_while_driving_it_is_a_hard_latched_stop(changes: dict[str, Any]) -> None:
     ride = Ride()
     ride.drive_off()
-    decision = ride.tick(drive=msgspec.structs.replace(ride.facts().drive, **changes))
+    decision = ride.tick(drive=replace(ride.facts().drive, **changes))
     assert decision.motion == STILL
     assert decision.hard_stop
     assert ride.state.needs_reset
@@ -75,9 +74,9 @@ def test_while_driving_it_is_a_hard_latched_stop(changes: dict[str, Any]) -> Non
 def test_a_fault_that_only_the_controllers_arming_clears_can_be_armed_away() -> None:
     ride = Ride()
     ride.drive_off()
-    broken = {"drive": msgspec.structs.replace(ride.facts().drive, armed=False, fault="quick stop active")}
+    broken = {"drive": replace(ride.facts().drive, armed=False, fault="quick stop active")}
     ride.tick(**broken)
-    broken = {"drive": msgspec.structs.replace(broken["drive"], at_ns=ride.now_ns + 10**7)}
+    broken = {"drive": replace(broken["drive"], at_ns=ride.now_ns + 10**7)}
     ride.tick(press=[Button.RESET], **broken)
     assert ride.tick(press=[Button.ARM], **broken).arm
     assert ride.state.latch == ""
@@ -87,7 +86,7 @@ def test_a_fault_that_only_the_controllers_arming_clears_can_be_armed_away() -> 
 
 def test_a_latched_chair_asks_a_controller_that_still_accepts_motion_to_stop_accepting() -> None:
     ride = Ride()
-    ride.drive = msgspec.structs.replace(ride.drive, armed=True)
+    ride.drive = replace(ride.drive, armed=True)
     decision = ride.tick()
     assert decision.disarm
     assert decision.motion == STILL

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
 from chairward.facts import MS, Pressed, S, State, Wish
 from chairward.messages import Button, Command

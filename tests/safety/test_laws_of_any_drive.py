@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
-import msgspec
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+from msgspec.structs import replace
 
 from chairward.components import STILL
 from chairward.facts import MS, Decision, Facts, Pressed, SourceLimits, State, Wish
@@ -50,11 +49,11 @@ class AnyDrive(RuleBasedStateMachine):
         facts = healthy(LIMITS, self.now_ns, **now)
         ranges = {name: readings(self.silent_since.get(name, self.now_ns), **said) for name, said in self.world.items()}
         alive = {
-            name: msgspec.structs.replace(beat, captured_ns=self.silent_since.get(name, self.now_ns) - 50 * MS)
+            name: replace(beat, captured_ns=self.silent_since.get(name, self.now_ns) - 50 * MS)
             for name, beat in facts.alive.items()
         }
-        vetoes = {name: msgspec.structs.replace(said, stop=self.tilted) for name, said in facts.vetoes.items()}
-        drive = msgspec.structs.replace(facts.drive, armed=self.armed, **self.controller)
+        vetoes = {name: replace(said, stop=self.tilted) for name, said in facts.vetoes.items()}
+        drive = replace(facts.drive, armed=self.armed, **self.controller)
         return replace(facts, ranges=ranges, alive=alive, vetoes=vetoes, drive=drive)
 
     def decide(self, times: int = 3, dt_ms: int = 20, **now: Any) -> None:

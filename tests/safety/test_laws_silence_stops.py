@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from itertools import product
 from random import Random
 from typing import Any
 
-import msgspec
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from chairward.components import STILL
 from chairward.facts import MS, NOT_ARMED, Facts, Pressed, SourceLimits, State, Wish
@@ -71,13 +70,13 @@ def small_world() -> Iterator[tuple[State, Facts]]:
     """Every combination of distance, sight, age, heartbeat, controller, state, word and press."""
     plain = Facts(now_ns=START_NS, supervisor_ns=START_NS - 100 * MS)
     beats = {"fresh": Alive(seq=1, captured_ns=START_NS - 50 * MS), "late": Alive(seq=1, captured_ns=1)}
-    beats["ill"] = msgspec.structs.replace(beats["fresh"], well=False)
+    beats["ill"] = replace(beats["fresh"], well=False)
     windows = [
         readings(START_NS, age_ns=age * MS, ahead_mm=mm, left_mm=2_000, can_see=see)
         for mm, (see, age) in product(NEAR.values(), ((True, 60), (True, 201), (False, 60)))
     ]
     status = DriveStatus(at_ns=START_NS - 10 * MS, linked=True, armed=True)
-    drives = [msgspec.structs.replace(status, **changes) for changes in CONTROLLERS.values()]
+    drives = [replace(status, **changes) for changes in CONTROLLERS.values()]
     for window, beat, drive, word, button in product(windows, beats.values(), drives, HEARD, PRESSED):
         wish = Wish(source=VOICE, seq=9, at_ns=START_NS, command=word) if word else None
         press = Pressed(source=PANEL, button=button, at_ns=START_NS) if button else None

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
-import msgspec
 import pytest
+from msgspec.structs import replace
 
 from chairward.arbiter import decide
 from chairward.envelope import Caps
@@ -69,7 +69,7 @@ class Track:
                 tick_ns += TICK_NS
                 facts = healthy(self.limits, self.now_ns, ranges={FRONT: tuple(window)})
                 if self.reports_speed:
-                    facts = replace(facts, drive=msgspec.structs.replace(facts.drive, speed_mm_s=self.speed))
+                    facts = replace(facts, drive=replace(facts.drive, speed_mm_s=self.speed))
                 if not said:
                     wish = Wish(source=VOICE, seq=1, at_ns=self.now_ns, command=Command.FRONT)
                     facts, said = replace(facts, heard=(wish,)), True

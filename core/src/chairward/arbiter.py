@@ -6,9 +6,10 @@ and scale, ramp what rises, scale again last. Then what the next decision must k
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import inf
 from operator import itemgetter
+
+from msgspec.structs import replace
 
 from chairward.components import STILL, Motion
 from chairward.envelope import Caps, Envelope, Grip, binding, fit, meet

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+
+import msgspec
 
 from chairward.components import STILL, Motion
 from chairward.envelope import Caps
@@ -15,8 +16,7 @@ NOT_ARMED = "not armed yet"
 """The latch that needs no RESET: ARM alone lifts it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Wish:
+class Wish(msgspec.Struct, frozen=True, kw_only=True):
     """What somebody wants, stamped by the guard.
 
     source: "lane/stage". seq: the guard's own running number of wishes, so that each is new. at_ns: arrival.
@@ -33,8 +33,7 @@ class Wish:
     stick: tuple[float, float] | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pressed:
+class Pressed(msgspec.Struct, frozen=True, kw_only=True):
     """A button, stamped by the guard; the guard has already checked that this source may press it."""
 
     source: str
@@ -42,8 +41,7 @@ class Pressed:
     at_ns: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Facts:
+class Facts(msgspec.Struct, frozen=True, kw_only=True):
     """Everything that is known at `now_ns` (CLOCK_MONOTONIC); sources are named "lane/stage".
 
     ranges: the last three readings of each sensor, oldest first; captured_ns is the older of claim and arrival.
@@ -54,28 +52,26 @@ class Facts:
     """
 
     now_ns: int
-    ranges: Mapping[str, tuple[RangeReading, ...]] = field(default_factory=dict)
-    vetoes: Mapping[str, Veto] = field(default_factory=dict)
-    alive: Mapping[str, Alive] = field(default_factory=dict)
-    lost: Mapping[str, str] = field(default_factory=dict)
+    ranges: Mapping[str, tuple[RangeReading, ...]] = {}
+    vetoes: Mapping[str, Veto] = {}
+    alive: Mapping[str, Alive] = {}
+    lost: Mapping[str, str] = {}
     heard: tuple[Wish, ...] = ()
     pressed: tuple[Pressed, ...] = ()
     drive: DriveStatus = DriveStatus(at_ns=0, linked=False, armed=False)
     supervisor_ns: int = 0
     gap_ns: int = 0
-    refused: Mapping[str, str] = field(default_factory=dict)
+    refused: Mapping[str, str] = {}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceLimits:
+class SourceLimits(msgspec.Struct, frozen=True, kw_only=True):
     """One required vote: how old its newest fact may be, and (sensors) the ways its declared coverage opens."""
 
     freshness_ns: int
     covers: frozenset[Way] = frozenset()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
+class Limits(msgspec.Struct, frozen=True, kw_only=True):
     """Chair and person merged: all that the rules may assume. Speeds mm/s and deg/s, distances mm from the footprint.
 
     sensors, recognizers, stop_devices, vetoers: every required vote by name; each must be fresh and well for motion.
@@ -89,10 +85,10 @@ class Limits:
     gap_limit_ns: a jump of the guard's clock longer than this latches.
     """
 
-    sensors: Mapping[str, SourceLimits] = field(default_factory=dict)
-    recognizers: Mapping[str, SourceLimits] = field(default_factory=dict)
-    stop_devices: Mapping[str, SourceLimits] = field(default_factory=dict)
-    vetoers: Mapping[str, SourceLimits] = field(default_factory=dict)
+    sensors: Mapping[str, SourceLimits] = {}
+    recognizers: Mapping[str, SourceLimits] = {}
+    stop_devices: Mapping[str, SourceLimits] = {}
+    vetoers: Mapping[str, SourceLimits] = {}
     commands: frozenset[Command] = frozenset(Command)
     caps: Caps = Caps(500.0, 150.0, 30.0, 30.0)
     unseen: Caps = Caps(0.0, 150.0, 20.0, 20.0)
@@ -124,8 +120,7 @@ class Limits:
     gap_limit_ns: int = 100 * MS
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Near:
+class Near(msgspec.Struct, frozen=True, kw_only=True):
     """An obstacle remembered by rule 6: last seen ahead at distance_mm; backed off and turned by so much since then.
 
     gone: it vanished without having receded, so it is held to be still there.
@@ -138,8 +133,7 @@ class Near:
     gone: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class State:
+class State(msgspec.Struct, frozen=True, kw_only=True):
     """All that one decision leaves to the next; small on purpose.
 
     latch: "" or why the chair may not move until ARM; needs_reset: a fault, so RESET must come before ARM.
@@ -157,7 +151,7 @@ class State:
     step_left: float = 0.0
     output: Motion = STILL
     output_ns: int = 0
-    near: Mapping[str, Near] = field(default_factory=dict)
+    near: Mapping[str, Near] = {}
 
 
 class Instruction:
@@ -170,8 +164,7 @@ class Instruction:
     STOP = "Stop now"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Why:
+class Why(msgspec.Struct, frozen=True, kw_only=True):
     """One reason, for people and records: the rule, who raised it, and a clause ("540 mm ahead")."""
 
     rule: str
@@ -179,8 +172,7 @@ class Why:
     detail: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Decision:
+class Decision(msgspec.Struct, frozen=True, kw_only=True):
     """What the guard does now, and why.
 
     motion: to the drive. hard_stop: brake at once (faults, stop pressed). arm: ask the controller to arm.

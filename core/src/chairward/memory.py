@@ -6,7 +6,7 @@ and carried things recede, a few centimetres from picture to picture. The differ
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from chairward.facts import Near, S
 from chairward.messages import RangeReading

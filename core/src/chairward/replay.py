@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -163,7 +163,7 @@ def _differ(data: bytes, limits: Limits) -> Iterator[str]:
 
 
 def _fields(name: str, was: Any, now: Any, but: str = "was recorded, would be") -> Iterator[str]:
-    for one in fields(was):
+    for one in msgspec.structs.fields(was):
         a, b = getattr(was, one.name), getattr(now, one.name)
         if _encoder.encode(a) != _encoder.encode(b):
             yield f"{name}.{one.name}: {a!r} {but} {b!r}"

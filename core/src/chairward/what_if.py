@@ -8,8 +8,10 @@ chair would then have been elsewhere, and would have seen something else: so thi
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
+
+from msgspec.structs import replace
 
 from chairward.arbiter import decide
 from chairward.chart import Bar, Line, chart

@@ -6,7 +6,7 @@ until it should have repeated. A wish that is spent never comes back: only a new
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from chairward.components import STILL, Motion
 from chairward.facts import Facts, Limits, S, State, Wish

@@ -12,6 +12,7 @@ from datetime import date
 from html.parser import HTMLParser
 from pathlib import Path
 
+import msgspec
 import pytest
 from typer.testing import CliRunner
 
@@ -175,7 +176,7 @@ def test_the_hand_is_one_more_stop_device_and_the_chair_s_own_votes_stay() -> No
     assert set(tried.limits.stop_devices) == {*plan.limits.stop_devices, name}
     assert set(tried.limits.recognizers) == {*plan.limits.recognizers, name}
     assert tried.limits.sensors == plan.limits.sensors
-    assert replace(tried.limits, stop_devices={}, recognizers={}) == replace(
+    assert msgspec.structs.replace(tried.limits, stop_devices={}, recognizers={}) == msgspec.structs.replace(
         plan.limits, stop_devices={}, recognizers={}
     )
 

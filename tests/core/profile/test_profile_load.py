@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 import os
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from chairward import plan, profile
@@ -194,4 +194,4 @@ def test_deceleration_is_what_the_slope_leaves_of_it(house) -> None:
 
 def test_no_limit_of_the_rules_is_left_to_its_default() -> None:
     source = inspect.getsource(resolve)
-    assert [field.name for field in dataclasses.fields(Limits) if f" {field.name}=" not in source] == []
+    assert [field.name for field in msgspec.structs.fields(Limits) if f" {field.name}=" not in source] == []

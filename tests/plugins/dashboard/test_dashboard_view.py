@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import httpx
-import msgspec
 import pytest
+from msgspec.structs import replace
 
 from chairward.facts import MS, Facts, Limits, SourceLimits
 from chairward.messages import Alive, RangeReading
@@ -62,7 +61,7 @@ def test_before_the_first_record_the_screen_says_stop() -> None:
 def test_missed_records_and_protective_stops_are_counted(chair: Any) -> None:
     view = View(LIMITS)
     record = chair.decide(540)
-    record = msgspec.structs.replace(record, missed=2, decision=replace(record.decision, protective_stop=True))
+    record = replace(record, missed=2, decision=replace(record.decision, protective_stop=True))
     for nth in range(30):
         view.add(record)
         assert len(view.state(time.monotonic_ns())["stops"]) == min(nth + 1, 20)

@@ -16,6 +16,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import msgspec
+
 from chairward.check.hand import Hand, hand
 from chairward.components import STILL, Motion
 from chairward.facts import MS, SourceLimits
@@ -56,7 +58,7 @@ def on_trial(plan: Plan) -> Plan:
                 stop_device=True,
             ),
         ),
-        limits=replace(
+        limits=msgspec.structs.replace(
             limits,
             recognizers={**limits.recognizers, **votes},
             stop_devices={**limits.stop_devices, **votes},

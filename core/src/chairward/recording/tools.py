@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import base64
 import csv
+import dataclasses
 import json
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
+from msgspec.structs import replace
 
 from chairward import records
 from chairward.facts import S
@@ -126,7 +128,7 @@ def _records(path: Path) -> Iterator[tuple[Entry, Record]]:
 
 def _nameless(plan: Plan) -> Plan:
     """The plan with what replay needs, and nothing that says whose it is."""
-    return replace(
+    return dataclasses.replace(
         plan,
         person=SOMEBODY,
         person_file="",
@@ -134,7 +136,8 @@ def _nameless(plan: Plan) -> Plan:
         chair_file=Path(plan.chair_file).name,
         words={},
         lanes=tuple(
-            replace(lane, source=_bare(lane.source), stages=tuple(map(_bare, lane.stages))) for lane in plan.lanes
+            dataclasses.replace(lane, source=_bare(lane.source), stages=tuple(map(_bare, lane.stages)))
+            for lane in plan.lanes
         ),
         companions={},
         observers={},
@@ -145,7 +148,7 @@ def _nameless(plan: Plan) -> Plan:
 
 def _bare(part: Any) -> Any:
     """A component without its settings: they name devices and folders."""
-    return replace(part, settings={})
+    return dataclasses.replace(part, settings={})
 
 
 def _wordless(record: Record) -> Record:
@@ -156,4 +159,4 @@ def _wordless(record: Record) -> Record:
         quiet = {key: replace(wish, word="") for key in ("wish", "base") if (wish := getattr(state, key)) is not None}
         return replace(state, **quiet)
 
-    return msgspec.structs.replace(record, before=still(record.before), facts=facts, after=still(record.after))
+    return replace(record, before=still(record.before), facts=facts, after=still(record.after))

@@ -7,10 +7,9 @@ Values are few and near the thresholds: that is where rules break.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from random import Random
 
-import msgspec
+from msgspec.structs import replace
 
 from chairward.components import STILL, Motion
 from chairward.facts import MS, NOT_ARMED, Facts, Limits, Near, Pressed, S, SourceLimits, State, Wish
@@ -184,7 +183,7 @@ def _nearer(way: str) -> Worse:
             if said is None:  # saying nothing of a way is already the worst that can be said of it
                 return reading
             closer = rng.choice([mm for mm in DISTANCES if mm is not None and mm <= said])
-            return msgspec.structs.replace(reading, **{way: closer})
+            return replace(reading, **{way: closer})
 
         return _each(pull)(rng, facts, limits)
 
@@ -192,14 +191,14 @@ def _nearer(way: str) -> Worse:
 
 
 def _drive(**changes: object) -> Worse:
-    return lambda _, facts, __: replace(facts, drive=msgspec.structs.replace(facts.drive, **changes))
+    return lambda _, facts, __: replace(facts, drive=replace(facts.drive, **changes))
 
 
 def _heartbeat(rng: Random, facts: Facts, _: Limits) -> Facts:
     name = rng.choice((VOICE, PANEL))
     old = facts.alive[name]
-    later = msgspec.structs.replace(old, captured_ns=old.captured_ns - 500 * MS)
-    alive = {"dead": {}, "late": {name: later}, "ill": {name: msgspec.structs.replace(old, well=False)}}
+    later = replace(old, captured_ns=old.captured_ns - 500 * MS)
+    alive = {"dead": {}, "late": {name: later}, "ill": {name: replace(old, well=False)}}
     others = {n: a for n, a in facts.alive.items() if n != name}
     return replace(facts, alive=others | alive[rng.choice(tuple(alive))])
 
@@ -208,7 +207,7 @@ def _veto(rng: Random, facts: Facts, limits: Limits) -> Facts:
     """It falls silent, or what it said last was a stop: said later, it would be less silent than it was."""
     if not limits.vetoers:
         return facts
-    said = msgspec.structs.replace(facts.vetoes[TILT], stop=True, reason="tilted")
+    said = replace(facts.vetoes[TILT], stop=True, reason="tilted")
     return replace(facts, vetoes=rng.choice(({}, {TILT: said})))
 
 
@@ -218,7 +217,7 @@ def _stranger(rng: Random, facts: Facts, _: Limits) -> Facts:
 
 def _late(rng: Random, window: tuple[RangeReading, ...]) -> tuple[RangeReading, ...]:
     delay = rng.choice((30, 200, 600)) * MS
-    return tuple(msgspec.structs.replace(r, captured_ns=r.captured_ns - delay) for r in window)
+    return tuple(replace(r, captured_ns=r.captured_ns - delay) for r in window)
 
 
 SILENCE: dict[str, Worse] = {
@@ -241,10 +240,8 @@ SILENCE: dict[str, Worse] = {
 """Removed, late, dead, malformed."""
 
 DOUBT: dict[str, Worse] = {
-    "it cannot see": _each(lambda r: msgspec.structs.replace(r, can_see=False)),
-    "something comes closer": _each(
-        lambda r: msgspec.structs.replace(r, closing_mm_s=min(5_000, r.closing_mm_s + 4_500))
-    ),
+    "it cannot see": _each(lambda r: replace(r, can_see=False)),
+    "something comes closer": _each(lambda r: replace(r, closing_mm_s=min(5_000, r.closing_mm_s + 4_500))),
     "something is nearer ahead": _nearer("ahead_mm"),
     "something is nearer behind": _nearer("behind_mm"),
     "something is nearer on the left": _nearer("left_mm"),

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import cos, hypot, pi, radians, sin
 from random import Random
 
 import numpy as np
+from msgspec.structs import replace
 
 from chairward.arbiter import decide
 from chairward.facts import MS, Decision, Instruction, Limits, S, State, Wish

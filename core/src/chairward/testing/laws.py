@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from random import Random
 
-import msgspec
+from msgspec.structs import replace
 
 from chairward.arbiter import decide
 from chairward.components import STILL, Motion
@@ -224,6 +223,6 @@ def random_ride(rng: Random, ticks: int) -> None:
         facts = cases.some_heard(rng, facts)
         if tick < 2:
             facts = replace(facts, pressed=(Pressed(source=PANEL, button=Button.ARM, at_ns=now_ns),))
-        facts = replace(facts, drive=msgspec.structs.replace(facts.drive, armed=armed))
+        facts = replace(facts, drive=replace(facts.drive, armed=armed))
         state, decision = judge(state, facts, limits)
         armed = (armed or decision.arm) and not decision.disarm

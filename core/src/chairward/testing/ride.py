@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
-import msgspec
+from msgspec.structs import replace
 
 from chairward.arbiter import decide
 from chairward.facts import MS, Decision, Facts, Limits, Pressed, S, SourceLimits, State, Wish
@@ -83,17 +83,17 @@ class Ride:
             name: readings(self.now_ns, **self.world.get(name, {})) for name in self.limits.sensors
         }
         vetoes, alive = dict(fresh.vetoes), dict(fresh.alive)
-        drive = msgspec.structs.replace(self.drive, at_ns=self.now_ns - 10 * MS)
+        drive = replace(self.drive, at_ns=self.now_ns - 10 * MS)
         if self.reports_speed:
             output = self.state.output
-            drive = msgspec.structs.replace(drive, speed_mm_s=output.drive_mm_s, turn_deg_s=output.turn_deg_s)
+            drive = replace(drive, speed_mm_s=output.drive_mm_s, turn_deg_s=output.turn_deg_s)
         supervisor_ns = fresh.supervisor_ns
         if self._facts:
             ranges |= {name: said for name, said in self._facts.ranges.items() if name in self.silent}
             vetoes |= {name: said for name, said in self._facts.vetoes.items() if name in self.silent}
             alive |= {name: said for name, said in self._facts.alive.items() if name in self.silent}
             if "drive" in self.silent:
-                drive = msgspec.structs.replace(drive, at_ns=self._facts.drive.at_ns)
+                drive = replace(drive, at_ns=self._facts.drive.at_ns)
             if "supervisor" in self.silent:
                 supervisor_ns = self._facts.supervisor_ns
         facts = replace(fresh, ranges=ranges, vetoes=vetoes, alive=alive, drive=drive, supervisor_ns=supervisor_ns)
@@ -131,7 +131,7 @@ class Ride:
             self.state, decision = decide(self.state, self._facts, self.limits)
             self.decisions.append(decision)
             armed = (self.drive.armed or decision.arm) and not decision.disarm
-            self.drive = msgspec.structs.replace(self.drive, armed=armed)
+            self.drive = replace(self.drive, armed=armed)
         return self.decisions[-1]
 
     def arm(self) -> Decision:

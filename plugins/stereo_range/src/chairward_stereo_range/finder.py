@@ -15,10 +15,10 @@ from chairward_stereo_range import thesis
 from chairward_stereo_range.drops import DropWatch
 from chairward_stereo_range.floor import FloorFit, fit_floor, split
 from chairward_stereo_range.geometry import THESIS_HEIGHT, View, disparity_range
-from chairward_stereo_range.honesty import hidden_distance_mm
+from chairward_stereo_range.honesty import hidden_distance_mm, out_of_match
 from chairward_stereo_range.leaving import inner_edge_mm
 from chairward_stereo_range.matching import Method, make_matcher
-from chairward_stereo_range.nearest import NEAR_SIDE, QUANTILE, RELIEF, nearest
+from chairward_stereo_range.nearest import NEAR_SIDE, QUANTILE, nearest
 from chairward_stereo_range.opencv import opencv
 from chairward_stereo_range.pyramid import Match, Pyramid, half_size, mean_of_four, without_specks
 from chairward_stereo_range.region import Bools, Region, RegionKind
@@ -180,13 +180,14 @@ class RangeFinder:
         right = self._spot(full, low_enough, match.sharp, slice(d.shape[1] - third, d.shape[1]))
         sides_seen = (_share_known(known[:, :third]), _share_known(known[:, d.shape[1] - third :]))
         coverage = float((known & region).sum()) / max(1, int(region.sum()))
-        ceiling = np.inf if ahead is None else RELIEF * v.fb / ahead.depth_mm + 1.5 * self.scale
-        hidden = hidden_distance_mm(match, full, above, self.region, v, self.scale, ceiling)
-        reason = ""
+        hidden = hidden_distance_mm(match, full, above, self.region, v, self.scale)
+        reason, unstopped = "", ahead is None or ahead.depth_mm > o.stop_mm
         if coverage < o.min_coverage:
             reason = "too little texture to measure (a plain wall?)"
-        elif hidden <= HIDDEN_MARGIN * o.stop_mm and (ahead is None or ahead.depth_mm > o.stop_mm):
+        elif unstopped and hidden <= HIDDEN_MARGIN * o.stop_mm:
             reason = f"a plain surface could be as near as {hidden:.0f} mm"
+        elif unstopped and out_of_match(match, self.region, self.scale):
+            reason = "something with texture cannot be matched: it could be very near"
         elif self._repeats(match, floor):
             reason = "a repeating pattern could be nearer than it seems"
         return Measurement(

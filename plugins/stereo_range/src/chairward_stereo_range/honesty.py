@@ -24,6 +24,9 @@ RIM_SHARE = 0.15
 RIM_PIXELS = 12
 """A rim counts as near when this part of it, and this many pixels, are obstacle."""
 
+UNMATCHED_PIXELS = 60
+"""Grid pixels (at 240 rows) with texture and without a match that are too many for an occlusion seam or for noise."""
+
 
 def hidden_distance_mm(
     match: Match,
@@ -32,12 +35,11 @@ def hidden_distance_mm(
     region: Region,
     view: View,
     scale: float,
-    ceiling: float,
 ) -> float:
     """The least depth at which something could stand unseen in the region, judged by the rims of plain patches; or inf.
 
-    full: disparity with doffs, half-size grid; above: pixels measured to stand above the floor.
-    ceiling: largest disparity that is believed (nearer than the nearest thing of a fair size are errors).
+    full: disparity with doffs, half-size grid; above: pixels measured to stand above the floor. Rims are believed also
+    where they are nearer than the nearest thing of a fair size: a thing may show nothing but its rims.
     """
     cv2 = opencv()
     unmatched = ~match.textured | ~np.isfinite(match.fused)
@@ -46,7 +48,7 @@ def hidden_distance_mm(
     plain8 = cv2.morphologyEx(plain.astype(np.uint8), cv2.MORPH_OPEN, np.ones((side, side), np.uint8))
     count, labels, stats, _ = cv2.connectedComponentsWithStats(plain8)
     least = np.inf
-    trusted = above & match.textured & np.isfinite(match.fused) & (full <= ceiling)
+    trusted = above & match.textured & np.isfinite(match.fused)
     islands = without_specks(np.where(trusted, full, np.nan).astype(np.float32), round(RIM_ISLAND * scale**2), scale)
     trusted &= np.isfinite(islands)
     for i in range(1, count):
@@ -67,6 +69,20 @@ def hidden_distance_mm(
         width_mm = 2 * _width(unmatched, labels == i, y, h) * depth / view.geometry.focal_px
         least = min(least, depth - width_mm / 2)
     return float(least)
+
+
+def out_of_match(match: Match, region: Region, scale: float) -> bool:
+    """Does something with texture, as large as a thing close by, stand in the lower half of the region unmatched?
+
+    What is near must reach down there. It is unmatched because it is nearer than the search goes, because only one
+    camera sees it, or because it is too narrow for its own distance: each of them is a near thing's.
+    """
+    cv2 = opencv()
+    unmatched = match.textured & ~np.isfinite(match.fused) & region.grid_mask
+    unmatched[: unmatched.shape[0] // 2] = False
+    opened = cv2.morphologyEx(unmatched.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    _, _, stats, _ = cv2.connectedComponentsWithStats(opened)
+    return bool((stats[1:, cv2.CC_STAT_AREA] >= UNMATCHED_PIXELS * scale * scale).any())
 
 
 def _width(plain: npt.NDArray[np.bool_], patch: npt.NDArray[np.bool_], top: int, rows: int) -> float:
