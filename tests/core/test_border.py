@@ -89,6 +89,23 @@ def test_a_malformed_message_is_named_and_refreshes_nothing(raw: bytes, says: st
     assert says in next(iter(f.refused.values()))
 
 
+@pytest.mark.parametrize(
+    ("message", "at_once"),
+    [
+        (Alive(seq=1, captured_ns=NOW), False),
+        (Alive(seq=1, captured_ns=NOW, well=False), True),
+        (Veto(seq=1, captured_ns=NOW, stop=False), False),
+        (Veto(seq=1, captured_ns=NOW, stop=True), True),
+        (RangeReading(seq=1, captured_ns=NOW, can_see=True, ahead_mm=4000), True),
+        (Lost(seq=1, captured_ns=NOW, reason="unplugged"), True),
+        (Press(seq=1, captured_ns=NOW, button=Button.RESET), False),  # refused: it may not
+    ],
+)
+def test_only_what_may_take_something_away_is_decided_at_once(message: Message, at_once: bool) -> None:
+    raw = encode_parcel(Parcel(stage="sonar", body=message))
+    assert border().take("front", raw, NOW) is at_once
+
+
 @pytest.mark.parametrize("value", [-1, 20_001, math.nan, math.inf, "near", 1.5, True])
 def test_an_impossible_distance_is_refused(value: object) -> None:
     b = border()

@@ -8,7 +8,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import pytest
@@ -40,6 +40,7 @@ class ScriptedDrive:
         self.armed = False
         self.told: list[tuple[str, Motion, bool]] = []
         self.read_end, self.write_end = os.pipe()
+        os.set_blocking(self.read_end, False)
         self.open = True
         self.stall_s = 0.0
 
@@ -76,6 +77,9 @@ class ScriptedDrive:
             while time.monotonic() < end:
                 pass  # as SIGSTOP between waking and writing would do
         self._do("poll")
+        if self.open:
+            with suppress(BlockingIOError):
+                os.read(self.read_end, 4096)
         fields: dict[str, Any] = {
             "at_ns": now_ns,
             "linked": True,
@@ -92,8 +96,9 @@ class ScriptedDrive:
 class Rig:
     """A guard in a thread, one lane that says what is needed, and the records it publishes."""
 
-    def __init__(self) -> None:
+    def __init__(self, period_ns: int = ScriptedDrive.period_ns) -> None:
         self.drive = ScriptedDrive()
+        self.drive.period_ns = period_ns
         plan = Plan(
             chair="t",
             chair_file="/t.toml",
@@ -171,17 +176,62 @@ class Rig:
 
 
 @contextmanager
-def rig() -> Iterator[Rig]:
-    it = Rig()
+def rig(period_ns: int = ScriptedDrive.period_ns) -> Iterator[Rig]:
+    it = Rig(period_ns)
     it.thread.start()
     try:
         yield it
     finally:
-        wire.send_control(it.control, wire.Quit())
-        it.thread.join(5.0)
+        end = time.monotonic() + 20.0
+        while it.thread.is_alive() and time.monotonic() < end:
+            with suppress(OSError):  # it has just left
+                wire.send_control(it.control, wire.Quit())  # wakes it too, where no tick does
+            it.thread.join(0.05)
         for end in (it.lane, it.control, it.out):
             end.close()
     assert not it.thread.is_alive()
+
+
+SELDOM_NS = 60_000 * MS
+"""A tick that does not come while a test lasts: all that is decided, a message has brought about."""
+
+
+def wait_for(it: Rig, count: int) -> Record:
+    """That many decisions; the last of them."""
+    end = time.monotonic() + 20.0
+    while len(it.records) < count:
+        assert time.monotonic() < end, f"waited for {count} decisions, {len(it.records)} came"
+        it.read()
+        time.sleep(0.005)
+    assert len(it.records) == count
+    assert not any(record.periodic for record in it.records)
+    return it.last
+
+
+def test_a_heartbeat_waits_for_the_tick_and_a_reading_does_not() -> None:
+    with rig(SELDOM_NS) as it:
+        for _ in range(3):
+            it.say("panel", Alive)
+        it.say("eyes", RangeReading, can_see=True, ahead_mm=4000)
+        assert wait_for(it, 1).facts.alive["front/panel"].seq == 3
+        it.say("panel", Alive, well=False, reason="pulled out")
+        assert not wait_for(it, 2).facts.alive["front/panel"].well
+
+
+def test_a_speed_waits_for_the_tick_and_a_charger_that_is_plugged_in_does_not() -> None:
+    with rig(SELDOM_NS) as it:
+        it.say("eyes", RangeReading, can_see=True, ahead_mm=4000)
+        assert wait_for(it, 1).facts.drive.linked
+        it.drive.status = {"speed_mm_s": 90.0}
+        os.write(it.drive.write_end, b"speed")
+        end = time.monotonic() + 20.0
+        while not it.guard.drive_wakes:
+            assert time.monotonic() < end, "waited for the guard to read what the drive says"
+            time.sleep(0.005)
+        it.drive.status = {"charging": True}
+        os.write(it.drive.write_end, b"charger")
+        told = wait_for(it, 2).decision.reasons
+        assert any(why.detail == "a charger is connected" for why in told)
 
 
 @pytest.mark.parametrize("call", ["poll", "command", "connect"])

@@ -68,8 +68,11 @@ class Border:
     _asked_ns: dict[str, int] = field(default_factory=dict)
     _wishes: int = 0
 
-    def take(self, lane: str, data: bytes, now_ns: int) -> None:
-        """One raw message of a lane. What does not pass is noted, never raised."""
+    def take(self, lane: str, data: bytes, now_ns: int) -> bool:
+        """One raw message of a lane. What does not pass is noted, never raised.
+
+        True where it should be decided upon at once; a refusal and a heartbeat that is well can wait for the tick.
+        """
         source = lane
         try:
             if len(data) > MAX_MESSAGE_BYTES:
@@ -82,8 +85,10 @@ class Border:
             self._check(plan, source, parcel.body, now_ns)
             self._fold(lane, source, parcel.body, now_ns)
             self.newest_sent_ns = max(self.newest_sent_ns, min(parcel.sent_ns, now_ns))
+            return not _all_is_well(parcel.body)
         except Refusal as refusal:
             self._refused[source] = str(refusal)
+            return False
 
     def lane_lost(self, lane: str, reason: str) -> None:
         """The lane's device, line or process is gone: it counts as lost, by name, until all its votes speak again."""
@@ -218,6 +223,14 @@ def _stick_command(stick: Stick) -> Command:
     if stick.forward:
         return Command.FRONT if stick.forward > 0.0 else Command.BACK
     return Command.LEFT if stick.left >= 0.0 else Command.RIGHT
+
+
+def _all_is_well(report: Report) -> bool:
+    match report:
+        case Alive(well=True) | Veto(stop=False):
+            return True
+        case _:
+            return False
 
 
 def _always_counts(report: Report) -> bool:

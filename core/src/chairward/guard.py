@@ -1,9 +1,9 @@
 """The guard: the one process that owns the arbiter and the drive. It ticks for ever and always emits.
 
-Its tick is the drive's period; it also acts when a message arrives, so a stop does not wait for the tick. Each lane
-has a budget of messages a tick: who spends it is not listened to until the next tick, and so goes stale. When the
-supervisor's end closes, the guard stops the chair and leaves; when the guard dies, the controller's own watchdog
-stops the chair.
+Its tick is the drive's period; it also acts when a message arrives that may take something away, so a stop does not
+wait for the tick; what only says that all is well does, and so is in nobody's way. Each lane has a budget of messages a
+tick: who spends it is not listened to until the next tick, and so goes stale. When the supervisor's end closes, the
+guard stops the chair and leaves; when the guard dies, the controller's own watchdog stops the chair.
 """
 
 from __future__ import annotations
@@ -77,7 +77,6 @@ class Guard:
         self.muted: dict[str, socket.socket] = {}
         self.drive_fd = -1
         self.drive_wakes = 0
-        self.drive_spoke = False
 
     def run(self) -> int:
         """Tick until told to quit or left alone. Always ends with a stop on the wire."""
@@ -89,14 +88,14 @@ class Guard:
         due, last, asleep = now + self.drive.period_ns, now, suspended_ns()
         try:
             while not self._may_leave():
-                arrived = self._wait(max(0, due - time.monotonic_ns()) / S)
+                urgent = self._wait(max(0, due - time.monotonic_ns()) / S)
                 now = time.monotonic_ns()
                 slept = suspended_ns()
                 gap = max(now - last - self.drive.period_ns, slept - asleep)
                 gap = gap if gap > self.limits.gap_limit_ns else 0
                 last, asleep = now, slept
                 periodic = now >= due
-                if periodic or arrived or gap:
+                if periodic or urgent or gap:
                     self._act(now, due if periodic else now, gap, periodic=periodic)
                 if periodic:
                     due += self.drive.period_ns * (1 + (now - due) // self.drive.period_ns)
@@ -110,44 +109,47 @@ class Guard:
         return 0
 
     def _wait(self, timeout_s: float) -> bool:
-        """Sleep until the next tick or a message; drain what came. True when a fact may have changed."""
-        arrived = False
+        """Sleep until the next tick or a message; drain what came. True when some of it cannot wait for the tick."""
+        urgent = False
         for key, _ in self.selector.select(timeout_s):
             if key.data is Line.CONTROL:
                 self._drain_control()
             elif key.data is Line.DRIVE:
-                arrived |= self._drive_woke()
+                urgent |= self._drive_woke()
             elif key.data in self.lanes:  # the control line may just have closed it
-                arrived |= self._drain_lane(key.data)
-        return arrived
+                urgent |= self._drain_lane(key.data)
+        return urgent
 
     def _drive_woke(self) -> bool:
-        """The drive reads its own answers in poll(); one that never stops talking is not listened to until the tick."""
+        """Read what the drive says. How it moves can wait for the tick, that it will not move (or will again) cannot.
+
+        One that never stops talking is not listened to until the tick.
+        """
         self.drive_wakes += 1
-        self.drive_spoke = True
         if self.drive_wakes > MESSAGES_A_TICK:
-            self.selector.unregister(self.drive_fd)
-            self.drive_fd = -1
-        return True
+            self._follow_drive()
+            return False
+        before = _readiness(self.status)
+        self._poll_drive(time.monotonic_ns(), periodic=False)
+        return _readiness(self.status) != before
 
     def _drain_lane(self, name: str) -> bool:
         end = self.lanes[name]
-        arrived = False
+        urgent = False
         while True:
             left = self.budget.get(name, MESSAGES_A_TICK)
             if left <= 0:
                 self.selector.unregister(end)
                 self.muted[name] = end
-                return arrived
+                return urgent
             data = wire.receive(end)
             if data is None:
-                return arrived
-            arrived = True
+                return urgent
             if not data:
                 self._close_lane(name, "its process has closed the line")
-                return arrived
+                return True
             self.budget[name] = left - 1
-            self.border.take(name, data, time.monotonic_ns())
+            urgent |= self.border.take(name, data, time.monotonic_ns())
 
     def _close_lane(self, name: str, reason: str) -> None:
         end = self.lanes.pop(name, None)
@@ -209,7 +211,7 @@ class Guard:
 
     def _act(self, now: int, due: int, gap_ns: int, *, periodic: bool) -> None:
         """Facts, decision, drive, record. A message of a lane need not wait for the port of a drive that is silent."""
-        if periodic or gap_ns or self.drive_spoke or self.drive_fault or self.drive_fd < 0:
+        if periodic or gap_ns or self.drive_fault or self.drive_fd < 0:
             self._poll_drive(now, periodic=periodic)
         if self.leaving_since_ns:
             self.border.lane_lost("supervisor", self.leaving_because)
@@ -224,7 +226,6 @@ class Guard:
     def _poll_drive(self, now: int, *, periodic: bool) -> None:
         """The drive's status; whatever it raises or says that cannot be is a fault, and a fault latches."""
         fault, self.drive_fault = self.drive_fault, ""
-        self.drive_spoke = False
         try:
             said = self.drive.poll(now)
             self.status = msgspec.convert(msgspec.to_builtins(said), DriveStatus)
@@ -294,6 +295,11 @@ class Guard:
 def _told(error: Exception) -> str:
     """What a drive raised, as a sentence."""
     return str(error) if isinstance(error, DriveError) else f"the drive failed: {type(error).__name__}: {error}"
+
+
+def _readiness(status: DriveStatus) -> tuple[bool, bool, str, bool, bool]:
+    """All that rule 9 looks at."""
+    return status.linked, status.armed, status.fault, status.stopped_by_user, status.charging
 
 
 def _falls(old: Motion, new: Motion) -> bool:
