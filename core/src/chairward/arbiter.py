@@ -6,7 +6,7 @@ and scale, ramp what rises, scale again last. Then what the next decision must k
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, isfinite, isinf
 from operator import itemgetter
 
 from msgspec.structs import replace
@@ -68,10 +68,10 @@ def decide(state: State, facts: Facts, limits: Limits) -> tuple[State, Decision]
         arm=arm,
         disarm=bool(latch) and facts.drive.armed,
         instruction=instruct(after, scene, caps, nearest_mm),
-        nearest_mm=None if nearest_mm == inf else int(nearest_mm),
+        nearest_mm=None if isinf(nearest_mm) else int(nearest_mm),
         caps=caps,
         reasons=tuple([Why(rule=vote.rule, source=vote.source, detail=vote.detail) for vote in reasons]),
-        open_ways=tuple([way for way, cap in zip(WAYS, caps, strict=True) if cap > 0.0]),
+        open_ways=tuple([way for way, cap in zip(WAYS, caps, strict=True) if cap]),
         command=after.wish.command if after.wish else None,
         lease_left_s=lease_left_s(after, facts, limits),
         protective_stop=was_live and (spent or fault is not None),
@@ -181,5 +181,5 @@ def _which_side(scene: Scene) -> str:
         return Instruction.TURN_LEFT if side > 0.0 else Instruction.TURN_RIGHT
     left, right = min(s.left_mm for s in scene.seen), min(s.right_mm for s in scene.seen)
     told = ((left, Instruction.TURN_LEFT), (right, Instruction.TURN_RIGHT))
-    sensed = [one for one in told if one[0] < inf]
+    sensed = [one for one in told if isfinite(one[0])]
     return max(sensed, key=itemgetter(0))[1] if sensed else Instruction.STOP

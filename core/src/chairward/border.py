@@ -84,8 +84,10 @@ class Border:
             source = f"{lane}/{parcel.stage}"
             self._check(plan, source, parcel.body, now_ns)
             self._fold(lane, source, parcel.body, now_ns)
+            if _all_is_well(parcel.body):
+                return False
             self.newest_sent_ns = max(self.newest_sent_ns, min(parcel.sent_ns, now_ns))
-            return not _all_is_well(parcel.body)
+            return True
         except Refusal as refusal:
             self._refused[source] = str(refusal)
             return False

@@ -51,7 +51,7 @@ class Envelope(NamedTuple):
 
 def meet(votes: Iterable[Envelope]) -> Caps:
     """The component-wise minimum of all votes; OPEN when there are none."""
-    return Caps(*[min(column) for column in zip(OPEN, *[vote.caps for vote in votes], strict=True)])
+    return Caps(*map(min, OPEN, OPEN, *[vote.caps for vote in votes]))  # twice: min() of one number is an error
 
 
 def scale(motion: Motion, caps: Caps) -> float:
@@ -78,5 +78,6 @@ def fit(motion: Motion, caps: Caps) -> Motion:
 
 def binding(motion: Motion, votes: Sequence[Envelope]) -> tuple[Envelope, ...]:
     """The votes that alone would slow `motion` as much as all together do; none when nothing slows it."""
-    worst = scale(motion, meet(votes))
-    return tuple([vote for vote in votes if scale(motion, vote.caps) <= worst]) if worst < 1.0 else ()
+    scales = [scale(motion, vote.caps) for vote in votes]
+    worst = min(scales, default=1.0)
+    return tuple([vote for vote, s in zip(votes, scales, strict=True) if s <= worst]) if worst < 1.0 else ()

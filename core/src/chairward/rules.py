@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 from itertools import chain
-from math import inf
+from math import inf, isfinite, isinf
 
 from chairward.envelope import CLOSED, OPEN, Caps, Envelope, Grip
 from chairward.facts import MS, Limits
@@ -170,7 +170,7 @@ def freer_side(scene: Scene) -> float:
     sides = set()
     for s in scene.seen:
         if limits.stop_mm < s.ahead_mm <= limits.avoid_mm:
-            left, right = (0.0 if d == inf else d for d in (s.left_mm, s.right_mm))
+            left, right = (0.0 if isinf(d) else d for d in (s.left_mm, s.right_mm))
             clear = max(left, right) > limits.avoid_mm and left != right
             sides.add((1.0 if left > right else -1.0) if clear else 0.0)
     return sides.pop() if len(sides) == 1 else 0.0
@@ -196,7 +196,7 @@ def blind(scene: Scene) -> Votes:
 
 def _watches_ahead(scene: Scene, other: Seen, blind_one: str) -> bool:
     need = scene.limits.sensors.get(other.source)
-    sees = not other.blind and other.ahead_mm < inf
+    sees = not other.blind and isfinite(other.ahead_mm)
     return bool(need and Way.AHEAD in need.covers and sees and lane(other.source) != lane(blind_one))
 
 
@@ -270,7 +270,7 @@ def direction(scene: Scene) -> Votes:
     unwatched: Collection[Way] = WAYS
     for s in scene.seen:
         if need := limits.sensors.get(s.source):
-            unwatched = [way for way in unwatched if way not in need.covers or s.mm(way) == inf]
+            unwatched = [way for way in unwatched if way not in need.covers or isinf(s.mm(way))]
     if unwatched:
         yield Envelope(_only(limits.unseen, unwatched), "direction", "", "no sensor watches that way")
 

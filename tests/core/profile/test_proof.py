@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import re
-from dataclasses import FrozenInstanceError, astuple
 from math import inf
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import astuple
 
 from chairward.envelope import Caps
 from chairward.facts import Limits
 from chairward.profile import ProfileError
 from chairward.profile.models import PROTECTED_MM, LimitsTable, StoppingTable
 from chairward.profile.proof import Proof, allowed_mm_s, largest_mm_s, needed_mm, prove, reaction_s
-from chairward.stopping import G_MM_S2, approach_speed_mm_s, decel_on_slope_mm_s2
+from chairward.stopping import G_MM_S2, decel_on_slope_mm_s2
 
 HERE = "chairs/x.toml: {}".format
 REACTION, DECEL, CLOSING = st.floats(0.02, 1.5), st.floats(20, 3000), st.floats(0, 2000)
@@ -238,7 +238,7 @@ def test_what_fits_exactly_is_not_refused() -> None:
 
 
 @pytest.mark.parametrize(("reading", "speed"), [(-5.0, 0.0), (600.4, 0.0), (600.6, 60.0), (1e9, inf)])
-def test_a_reading_is_what_a_sensor_can_say_whole_and_within_its_range(reading: float, speed: float) -> None:
+def test_a_reading_is_a_whole_number_as_sensors_say_it(reading: float, speed: float) -> None:
     inside = Limits(stop_mm=600, reaction_s=0.45, decel_mm_s2=600.0, caps=Caps(500.0, 0.0, 0.0, 0.0))
     assert allowed_mm_s(reading, 0.0, inside) == speed
 
@@ -252,14 +252,8 @@ def test_a_speed_that_the_chair_has_already_counts_in_what_it_is_allowed() -> No
 def test_a_proof_is_told_to_the_millisecond_and_nobody_changes_it() -> None:
     proof = Proof(reaction_s=2.0, decel_mm_s2=600.0, needed_mm=1.0, room_mm=2.0, nearest_mm=500.0)
     assert "reaction 2000 ms" in str(proof)
-    with pytest.raises(FrozenInstanceError):
+    with pytest.raises(AttributeError):
         proof.reaction_s = 0.0
-
-
-def test_beyond_what_a_reading_can_say_more_room_allows_no_more() -> None:
-    unlimited = Limits(caps=Caps(), stop_mm=600, reaction_s=0.45, decel_mm_s2=600.0)
-    farthest = approach_speed_mm_s(20_000 - 600, 0.0, 0.45, 600.0)
-    assert allowed_mm_s(25_000.0, 0.0, unlimited) == allowed_mm_s(20_000.0, 0.0, unlimited) == farthest
 
 
 def test_the_stop_distance_that_is_advised_makes_up_for_what_is_missing() -> None:

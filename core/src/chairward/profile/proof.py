@@ -13,27 +13,26 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 from math import ceil, floor
 
-from chairward import rules, scene
+import msgspec
+from msgspec.structs import replace
+
+from chairward import rules
 from chairward.envelope import OPEN, meet
 from chairward.facts import Facts, Limits, State
-from chairward.messages import DriveStatus, RangeReading
 from chairward.profile.errors import ProfileError
 from chairward.profile.models import PROTECTED_MM, LimitsTable, StoppingTable
+from chairward.scene import Scene, boil
 from chairward.stopping import decel_on_slope_mm_s2, largest_speed_mm_s, stopping_distance_mm
 
 STEP_S = 0.005
-FARTHEST_MM = 20_000
-"""Of a RangeReading."""
 Where = Callable[[str], str]
 """A key of the limits or stopping table -> how errors name its place ("people/asha.toml: limits.forward_mm_s")."""
 
 
-@dataclass(frozen=True, slots=True)
-class Proof:
+class Proof(msgspec.Struct, frozen=True):
     """The figures of a proof that holds."""
 
     reaction_s: float
@@ -72,7 +71,7 @@ def largest_mm_s(room_mm: float, reaction: float, decel_mm_s2: float, closing_mm
     )
 
 
-@lru_cache(maxsize=64)
+@lru_cache
 def closest_mm(
     limits: LimitsTable, stopping: StoppingTable, reaction: float, decel_mm_s2: float, *, crawl: bool = True
 ) -> float:
@@ -107,11 +106,10 @@ def closest_mm(
 
 def allowed_mm_s(reading_mm: float, speed_mm_s: float, limits: Limits) -> float:
     """What rules 2 and 3 allow forward when a sensor reads so much ahead of a chair that drives so fast."""
-    ahead_mm = min(max(0, round(reading_mm)), FARTHEST_MM)
-    reading = RangeReading(seq=1, captured_ns=1, can_see=True, ahead_mm=ahead_mm)
-    status = DriveStatus(at_ns=1, linked=True, armed=True, speed_mm_s=speed_mm_s)
-    facts = Facts(now_ns=1, ranges={"front/eyes": (reading,)}, drive=status)
-    view = scene.look(facts, State(), limits)
+    nothing = Facts(now_ns=0)
+    facts = replace(nothing, drive=replace(nothing.drive, speed_mm_s=speed_mm_s))
+    eyes = boil("eyes", ())._replace(ahead_mm=round(reading_mm))
+    view = Scene(facts, State(), limits, (eyes,))
     return meet((*rules.stop_distance(view), *rules.approach_speed(view))).forward_mm_s
 
 
@@ -138,7 +136,7 @@ def prove(
         needed = needed_mm(speed, reaction, decel, stopping.closing_mm_s)
         if needed > room:
             fits = largest_mm_s(room, reaction, decel, stopping.closing_mm_s)
-            advice = f"at most {fits} fits" if fits > 0 else "no speed fits: a sensor that sees farther is needed"
+            advice = f"at most {fits} fits" if fits else "no speed fits: a sensor that sees farther is needed"
             raise ProfileError(
                 f"{where(key)} = {speed}: the chair needs {ceil(needed)} mm to stop (reaction {reaction * 1000:.0f} "
                 f"ms, {decel:.0f} mm/s² on the slope, somebody coming at {stopping.closing_mm_s} mm/s), but from first "
@@ -146,13 +144,13 @@ def prove(
             )
     nearest = closest_mm(limits, stopping, reaction, decel)
     if nearest < PROTECTED_MM:
-        key = "crawl_mm_s" if closest_mm(limits, stopping, reaction, decel, crawl=False) >= PROTECTED_MM else "stop_mm"
+        crawls = closest_mm(limits, stopping, reaction, decel, crawl=False) >= PROTECTED_MM
+        key, also = ("crawl_mm_s", " or lower crawl_mm_s") if crawls else ("stop_mm", "")
         enough = ceil(limits.stop_mm + PROTECTED_MM - nearest)
         raise ProfileError(
             f"{where(key)} = {getattr(limits, key)}: driving at a wall the chair could come as near as "
             f"{floor(nearest)} mm (reaction {reaction * 1000:.0f} ms, {decel:.0f} mm/s², readings wrong by "
-            f"{stopping.sensor_error_mm} mm), allowed is {PROTECTED_MM}: raise stop_mm to {enough}"
-            + (" or lower crawl_mm_s" if key == "crawl_mm_s" else "")
+            f"{stopping.sensor_error_mm} mm), allowed is {PROTECTED_MM}: raise stop_mm to {enough}{also}"
         )
     total = needed_mm(limits.forward_mm_s, reaction, decel, stopping.closing_mm_s)
     return Proof(reaction, decel, total, room, nearest)

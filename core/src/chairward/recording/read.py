@@ -26,6 +26,8 @@ from chairward.records import Record
 MAGIC = b"\x89MCAP0\r\n"
 CHANNEL, MESSAGE, CHUNK, DATA_END = 0x04, 0x05, 0x06, 0x0F
 _FRAME = struct.Struct("<BQ")
+_HEAD = struct.Struct("<BQH")
+"""Of a frame whose body begins with the number of a channel, as those of channels and messages do."""
 _CHUNK = struct.Struct("<QQQI")
 _MESSAGE = struct.Struct("<HIQQ")
 _U32 = struct.Struct("<I")
@@ -111,21 +113,19 @@ def _unpacked(path: Path, body: bytes, length: int) -> bytes | None:
 def walk(frames: bytes, topics: dict[int, str], topic: str | None = None) -> Iterator[Entry]:
     """The messages among frames (of one topic, or all); channels are learnt into `topics`."""
     at, size = 0, len(frames)
-    while at + _FRAME.size <= size:
-        kind, length = _FRAME.unpack_from(frames, at)
-        at += _FRAME.size
-        if at + length > size:
+    while at + _HEAD.size <= size:
+        kind, length, channel = _HEAD.unpack_from(frames, at)
+        body, at = at + _FRAME.size, at + _FRAME.size + length
+        if at > size:
             return
         if kind == MESSAGE:
-            channel, _, at_ns, _ = _MESSAGE.unpack_from(frames, at)
             name = topics.get(channel, "")
             if topic is None or name == topic:
-                yield Entry(name, at_ns, frames[at + _MESSAGE.size : at + length])
+                _, _, at_ns, _ = _MESSAGE.unpack_from(frames, body)
+                yield Entry(name, at_ns, frames[body + _MESSAGE.size : at])
         elif kind == CHANNEL:
-            (channel,) = struct.unpack_from("<H", frames, at)
-            (name_length,) = _U32.unpack_from(frames, at + 4)
-            topics[channel] = frames[at + 8 : at + 8 + name_length].decode(errors="replace")
-        at += length
+            (name_length,) = _U32.unpack_from(frames, body + 4)
+            topics[channel] = frames[body + 8 : body + 8 + name_length].decode(errors="replace")
 
 
 def entries(path: Path, topic: str | None = None) -> Iterator[Entry]:
