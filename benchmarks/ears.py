@@ -17,6 +17,8 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -84,8 +86,7 @@ def compare(manifest: Path, placements: int, most: int, wanted: str) -> None:
         for name in ("default", "thesis_text", "thesis_code")
     }
     engines["Raven-like"] = lambda s, snr, p: raven_trials(manifest, s, snr, p)
-    file = report.RESULTS / "ears.json"
-    result = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    result = load_results()
     for source in dict.fromkeys(family(by_role(rows, s)["test"][0]) for s in speakers):
         if wanted not in ("", source):
             continue
@@ -100,6 +101,12 @@ def compare(manifest: Path, placements: int, most: int, wanted: str) -> None:
         result.setdefault("compare", {})[source] = {"speakers": mine, "placements": placements, "engines": table}
         print(source, *(f"{name}: {row}" for name, row in table.items()), sep="\n  ", flush=True)
         report.save("ears", {"machine": report.machine(), **{k: v for k, v in result.items() if k != "machine"}})
+
+
+def load_results() -> dict[str, Any]:
+    """What was measured before, to be added to."""
+    file = report.RESULTS / "ears.json"
+    return json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
 
 
 def label(snr: float | None) -> str:
@@ -187,15 +194,26 @@ def best_of(work: Callable[[], object], times: int = 20) -> float:
     return min(found)
 
 
-def fit(manifest: Path) -> None:
-    """Fit both scores, write them where the recogniser reads them, and tell how they do on what they did not see."""
-    scores = {}
+def fit(manifest: Path, seed: int) -> None:
+    """Fit both scores and write them where the recogniser reads them; tell, and write into results/ears.json, how the
+    same fit does on what it has not seen: folds over speakers and noises, and every third speaker through `evaluate`.
+    """
+    held = tuple(evaluate.speakers_of(read_manifest(manifest))[::3])
+    scores, partial, result = {}, {}, load_results()
     for name in ("plain", "fused"):
-        examples = calibrate.gather(manifest, tell, embedding=name == "fused")
-        print(f"{name}, speakers and noises held back:")
-        print("\n".join(calibrate.table(examples, calibrate.held_back(examples))), flush=True)
+        examples = calibrate.gather(manifest, tell, embedding=name == "fused", seed=seed)
+        lines = calibrate.table(examples, calibrate.held_back(examples))
+        print(f"{name}, {len(examples)} examples; speakers and noises held back:", *lines, sep="\n", flush=True)
+        result.setdefault("folds", {})[name] = lines
         scores[name] = calibrate.fit(examples)
+        partial[name] = calibrate.fit([e for e in examples if e.speaker not in held])
     calibration.FILE.write_text(calibration.text(scores), encoding="utf-8")
+    with TemporaryDirectory() as folder:
+        weights = Path(folder) / "weights.json"
+        weights.write_text(calibration.text(partial), encoding="utf-8")
+        plan = evaluate.Plan(manifest=manifest, speakers=held, weights=weights, hours=1.0, processes=1, seed=seed + 1)
+        result["held_back"] = {"speakers": held, **evaluate.evaluate(plan, tell)}
+    report.save("ears", {**result, "machine": report.machine()})
 
 
 def tell(line: str) -> None:
@@ -211,13 +229,14 @@ def main() -> None:
     parser.add_argument("--placements", type=int, default=1)
     parser.add_argument("--speakers", type=int, default=1000, help="at most, of each source")
     parser.add_argument("--source", default="", help="only this one: the speakers' prefix")
+    parser.add_argument("--seed", type=int, default=77, help="of the streams that are fitted to")
     options = parser.parse_args()
     if options.what == "speed":
         speed()
     elif options.manifest is None:
         parser.error(f"{options.what} needs a manifest")
     elif options.what == "fit":
-        fit(options.manifest)
+        fit(options.manifest, options.seed)
     else:
         compare(options.manifest, options.placements, options.speakers, options.source)
 

@@ -77,6 +77,7 @@ class Measurement:
     ahead, left, right: None when nothing is near that way; sides_seen: whether left and right were seen at all.
     coverage: part of the region that was matched, 0..1. drop: the edge where the floor ends.
     hidden_mm: how near (depth) something could stand in what was not matched; infinite when nothing suggests it.
+    doubt: it cannot see only because something *could* be nearer than what is measured.
     """
 
     disparity: Floats
@@ -92,6 +93,7 @@ class Measurement:
     reason: str = ""
     drop: Spot | None = None
     hidden_mm: float = float("inf")
+    doubt: bool = False
     floor_fit: FloorFit = field(default_factory=FloorFit)
     sigma: float = 0.0
 
@@ -204,6 +206,7 @@ class RangeFinder:
             reason=reason,
             drop=None if drop is None else self._drop_spot(*drop),
             hidden_mm=hidden,
+            doubt=bool(reason) and coverage >= o.min_coverage,
             floor_fit=fit,
             sigma=match.sigma,
         )

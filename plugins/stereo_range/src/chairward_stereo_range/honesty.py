@@ -13,7 +13,7 @@ import numpy.typing as npt
 from chairward.stages import Floats
 from chairward_stereo_range.geometry import View
 from chairward_stereo_range.opencv import opencv
-from chairward_stereo_range.pyramid import Match, without_specks
+from chairward_stereo_range.pyramid import Match, gap_ends, without_specks
 from chairward_stereo_range.region import Region
 
 OPEN_PX = 5
@@ -26,6 +26,9 @@ RIM_PIXELS = 12
 
 UNMATCHED_PIXELS = 60
 """Grid pixels (at 240 rows) with texture and without a match that are too many for an occlusion seam or for noise."""
+
+SEAM_SLACK_PX = 4
+"""Full-size px (at 240 rows) by which a seam may be wider than it should: both its rims are ragged."""
 
 
 def hidden_distance_mm(
@@ -58,10 +61,10 @@ def hidden_distance_mm(
         box = (slice(max(0, y - 3), y + h + 3), slice(max(0, x - 3), x + w + 3))
         patch = (labels[box] == i).astype(np.uint8)
         rim = cv2.dilate(patch, np.ones((7, 7), np.uint8)).astype(bool) & (patch == 0) & np.isfinite(match.fused[box])
-        near = np.sort(full[box][rim & trusted[box]])[::-1]
-        if near.size < max(RIM_PIXELS * scale, RIM_SHARE * int(rim.sum())):
+        disparity = _rim_disparity(full[box], rim, rim & trusted[box], scale)
+        if disparity is None:
             continue
-        depth = view.fb / float(near[near.size // 2])
+        depth = view.fb / disparity
         within = int((patch.astype(bool) & region.contains(depth, box)).sum())
         if within < MIN_PATCH * scale * scale:
             continue
@@ -71,18 +74,50 @@ def hidden_distance_mm(
     return float(least)
 
 
+def _rim_disparity(
+    full: Floats, rim: npt.NDArray[np.bool_], near: npt.NDArray[np.bool_], scale: float
+) -> float | None:
+    """The nearer one of a patch's left and right rim, as far as they are measured; None where neither is near.
+
+    A door that stands open towards the chair is far at its one rim and near at the other.
+    """
+    middle = rim.shape[1] // 2
+    found = [
+        float(np.median(full[half][near[half]]))
+        for half in (np.s_[:, :middle], np.s_[:, middle:], np.s_[:, :])
+        if near[half].sum() >= max(RIM_PIXELS * scale, RIM_SHARE * int(rim[half].sum()))
+    ]
+    return max(found, default=None)
+
+
 def out_of_match(match: Match, region: Region, scale: float) -> bool:
     """Does something with texture, as large as a thing close by, stand in the lower half of the region unmatched?
 
     What is near must reach down there. It is unmatched because it is nearer than the search goes, because only one
-    camera sees it, or because it is too narrow for its own distance: each of them is a near thing's.
+    camera sees it, or because it is too narrow for its own distance: each of them is a near thing's. A seam that a
+    matched thing hides from the right camera does not count.
     """
     cv2 = opencv()
     unmatched = match.textured & ~np.isfinite(match.fused) & region.grid_mask
-    unmatched[: unmatched.shape[0] // 2] = False
+    half = unmatched.shape[0] // 2
+    unmatched[:half] = False
+    unmatched[half:] &= ~_seams(match.fused[half:], scale)
     opened = cv2.morphologyEx(unmatched.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     _, _, stats, _ = cv2.connectedComponentsWithStats(opened)
     return bool((stats[1:, cv2.CC_STAT_AREA] >= UNMATCHED_PIXELS * scale * scale).any())
+
+
+def _seams(fused: Floats, scale: float) -> npt.NDArray[np.bool_]:
+    """Gaps that are no wider than the thing on their right side hides of what is on their left side.
+
+    At the left border: than the right camera does not show.
+    """
+    w = fused.shape[1]
+    before, after = gap_ends(np.isfinite(fused))
+    rows = np.arange(fused.shape[0])[:, None]
+    near = np.where(after < w, fused[rows, np.minimum(after, w - 1)], 0.0)
+    far = np.where(before >= 0, fused[rows, np.maximum(before, 0)], 0.0)
+    return np.asarray(2 * (after - before - 1) <= near - far + SEAM_SLACK_PX * scale)
 
 
 def _width(plain: npt.NDArray[np.bool_], patch: npt.NDArray[np.bool_], top: int, rows: int) -> float:

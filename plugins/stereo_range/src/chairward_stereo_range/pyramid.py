@@ -120,9 +120,7 @@ def bridged(raw: Floats, trusted: Floats, tolerance: float) -> Floats:
     """Raw values of untrusted pixels that lie on the straight line between the trusted ends of their row's gap."""
     w = raw.shape[1]
     known = np.isfinite(trusted)
-    columns = np.arange(w, dtype=np.int32)
-    before = np.maximum.accumulate(np.where(known, columns, np.int32(-1)), axis=1)
-    after = np.minimum.accumulate(np.where(known, columns, np.int32(w))[:, ::-1], axis=1)[:, ::-1]
+    before, after = gap_ends(known)
     out = np.full(raw.shape, np.nan, np.float32)
     rows, at = np.nonzero(~known & (before >= 0) & (after < w))
     first, last = before[rows, at], after[rows, at]
@@ -132,6 +130,15 @@ def bridged(raw: Floats, trusted: Floats, tolerance: float) -> Floats:
         fits = np.abs(value - line) <= tolerance
     out[rows[fits], at[fits]] = value[fits]
     return out
+
+
+def gap_ends(known: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """(columns of the last known pixel on the left or -1, of the first on the right or the width) of every pixel."""
+    w = known.shape[1]
+    columns = np.arange(w, dtype=np.int32)
+    before = np.maximum.accumulate(np.where(known, columns, np.int32(-1)), axis=1)
+    after = np.minimum.accumulate(np.where(known, columns, np.int32(w))[:, ::-1], axis=1)[:, ::-1]
+    return before, after
 
 
 def without_specks(disparity: Floats, max_pixels: int, jump_px: float) -> Floats:

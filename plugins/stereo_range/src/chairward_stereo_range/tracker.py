@@ -10,6 +10,7 @@ import numpy as np
 from chairward.stages import Image
 from chairward_stereo_range.faults import FaultWatch
 from chairward_stereo_range.finder import Measurement, RangeFinder, Spot
+from chairward_stereo_range.known_clear import KnownClear
 from chairward_stereo_range.leaving import Edge, Leaving
 from chairward_stereo_range.memory import Confirm, Memory, Seen
 from chairward_stereo_range.odometry import FloorOdometry
@@ -44,6 +45,7 @@ class Tracker:
         self._plain = finder.is_thesis
         self._faults = FaultWatch()
         self._drop = Confirm()
+        self._known_clear = KnownClear()
         self._odometry = FloorOdometry(view) if view.floor_known else None
         if self._odometry is not None and self._odometry.visible_from_mm == inf:
             self._odometry = None
@@ -61,8 +63,11 @@ class Tracker:
         nearest = self._nearest(found, fault)
         moved = self._odometry.step(left) if self._odometry is not None and not fault else None
         driven, sideways = moved if moved is not None else (None, 0.0)
+        time_s, ahead_mm = captured_ns / 1e9, inf if nearest is None else nearest.ahead_mm
+        known = self._known_clear.step(time_s, found.can_see and not fault, ahead_mm, driven, sideways)
+        can_see = not fault and (found.can_see or (found.doubt and known))
         seen = Seen(
-            captured_ns / 1e9,
+            time_s,
             None if nearest is None else nearest.ahead_mm,
             inf if nearest is None else nearest.top_mm,
         )
@@ -71,16 +76,15 @@ class Tracker:
         gone_mm = self._leaving.step(edge, driven, sideways)
         if gone_mm is not None and (kept.ahead_mm is None or gone_mm < kept.ahead_mm):
             reason = fault or found.reason or "a thing has gone out of view"
-            return Tracked(found, gone_mm, self._depth(gone_mm), found.can_see and not fault, reason, 0.0, driven)
+            return Tracked(found, gone_mm, self._depth(gone_mm), can_see, reason, 0.0, driven)
         if kept.from_memory and kept.ahead_mm is not None:
             reason = fault or found.reason or "a low thing has gone under the view"
-            can_see = found.can_see and not fault
             return Tracked(found, kept.ahead_mm, self._depth(kept.ahead_mm), can_see, reason, 0.0, driven)
         return Tracked(
             found,
-            inf if nearest is None else nearest.ahead_mm,
+            ahead_mm,
             inf if nearest is None else nearest.depth_mm,
-            found.can_see and not fault,
+            can_see,
             fault or found.reason or ("the floor ends" if nearest is not None and nearest is found.drop else ""),
             kept.closing_mm_s,
             driven,

@@ -1,14 +1,15 @@
 """Gathers evidence on development recordings, fits the score (calibration.py), and tells how it does on strangers.
 
-Every speaker's words are put in streams twice, with one half of the noises and with the other, so that the score can be
-tried on speakers *and* noises that it was not fitted to.
+Every speaker's words are put in streams with one half of the noises and with the other, so that the score can be tried
+on speakers *and* noises that it was not fitted to. Every speaker enrols twice: the template rows, and the test rows.
 """
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -25,13 +26,16 @@ from chairward_voice_dtw.matcher import Matcher, Measures
 from chairward_voice_dtw.streams import STREAM_HZ, Placed, Row, babble, by_role, embed, load, read_manifest
 from chairward_voice_dtw.templates import from_files
 
-STREAMS = ((0, None), (0, 10.0), (1, None), (1, 10.0), (1, 5.0))
-"""Which half of the noises, and SNR in dB."""
+SNRS: tuple[float | None, ...] = (None, 20.0, 15.0, 10.0, 5.0)
+PLAIN_SNRS: tuple[float | None, ...] = (None, 10.0, 5.0)
+"""dB; fewer without the speech embedding, whose score has less to learn."""
+REPETITIONS = 3
 BABBLE = "babble"
 BABBLE_S = 120.0
 BABBLE_COUNTS = 3.0
 NEAR_END_S = 0.35
 FOLDS = 4
+Stream = tuple[str, int, int]
 LINES = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0)
 
 
@@ -39,13 +43,14 @@ LINES = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0)
 class Example:
     """Evidence of one offered stretch and whether its word was said. speaker: who enrolled the words.
 
-    half: of the noises. snr: dB, None for clean, BABBLE for sound without commands. placed: its utterance.
-    counted: a stretch as it is offered; else one made for the fit, against the vocabulary without its word.
+    enrolment: 0 or 1. half: of the noises. snr: dB, None for clean, BABBLE for sound without commands. placed: its
+    utterance. counted: a stretch as it is offered; else one made for the fit, against the vocabulary without its word.
     """
 
     evidence: npt.NDArray[np.float64]
     said: bool
     speaker: str
+    enrolment: int
     half: int
     snr: float | str | None
     onset_s: float
@@ -81,12 +86,12 @@ def examples_of(
         onset_s, end_s = measures.segment.first * HOP / RATE_HZ, frame_end_s(measures.segment.last)
         over = said_in(onset_s, end_s, placed)
         label = over.word if over is not None and over.role == "test" else ""
-        verdict = matcher.weigh(measures)
         known |= {"onset_s": onset_s, "end_s": end_s, "placed": over}
-        examples.append(Example(evidence=verdict.evidence, said=verdict.word == label, **known))
+        word, evidence = matcher.evidence(measures)
+        examples.append(Example(evidence=evidence, said=word == label, **known))
         if label in matcher.words and len(matcher.words) > 2:
-            without = matcher.weigh(measures, without=label).evidence
-            examples.append(Example(evidence=without, said=False, counted=False, **known))
+            _, evidence = matcher.evidence(measures, without=label)
+            examples.append(Example(evidence=evidence, said=False, counted=False, **known))
     return examples
 
 
@@ -96,29 +101,41 @@ def halves(rows: Sequence[Row], role: str) -> list[list[Floats]]:
     return [sounds[0::2], sounds[1::2]]
 
 
-def gather(manifest: Path, say: Callable[[str], None], *, embedding: bool, seed: int = 77) -> list[Example]:
+def enrolments(roles: Mapping[str, Sequence[Row]]) -> list[tuple[dict[str, list[Path]], list[Row]]]:
+    """What a speaker may enrol, by word, and what is then said: the template and the test rows, and the other way round
+    as far as there are REPETITIONS of a word."""
+    found = []
+    for enrolled, said in (("template", "test"), ("test", "template")):
+        files: dict[str, list[Path]] = {}
+        for row in roles[enrolled]:
+            files.setdefault(row.word, []).append(row.path)
+        files = {word: paths[:REPETITIONS] for word, paths in files.items() if len(paths) >= REPETITIONS}
+        if len(files) > 2:
+            found.append((files, [replace(row, role="test") for row in roles[said] if row.word in files]))
+    return found
+
+
+def gather(manifest: Path, say: Callable[[str], None], *, embedding: bool, seed: int) -> list[Example]:
     """Examples of every speaker: own words, unknown words, and other people's talk, in clean and noisy streams."""
     rows = read_manifest(manifest)
     noises, talk = halves(rows, "noise"), halves(rows, "talk")
     strangers = [load(row.path) for row in rows if row.role == "unknown"]
     examples: list[Example] = []
     for speaker in speakers_of(rows):
-        roles = by_role(rows, speaker)
-        files: dict[str, list[Path]] = {}
-        for row in roles["template"]:
-            files.setdefault(row.word, []).append(row.path)
-        voice = Voice(from_files(files), embedding=embedding)
-        utterances = [(row, load(row.path)) for row in [*roles["test"], *roles["unknown"]]]
-        who = zlib.crc32(speaker.encode())
-        for half, snr in STREAMS:
-            rng = np.random.default_rng([seed, who, 99 if snr is None else int(snr), half])
-            stream = embed(utterances, noises[half], snr, rng, level_dbfs=float(rng.uniform(-32.0, -20.0)))
-            measured = offers(voice, stream.samples)
-            examples += examples_of(voice.matcher, measured, stream.placed, speaker=speaker, half=half, snr=snr)
-        for half in (0, 1):
-            rng = np.random.default_rng([seed, who, 31337, half])
-            measured = offers(voice, babble(strangers, talk[half], noises[half], BABBLE_S, rng))
-            examples += examples_of(voice.matcher, measured, (), speaker=speaker, half=half, snr=BABBLE)
+        roles, who = by_role(rows, speaker), zlib.crc32(speaker.encode())
+        for enrolment, (files, tests) in enumerate(enrolments(roles)):
+            voice = Voice(from_files(files), embedding=embedding)
+            utterances = [(row, load(row.path)) for row in [*tests, *roles["unknown"]]]
+            for half, snr in product((0, 1), SNRS if embedding else PLAIN_SNRS):
+                rng = np.random.default_rng([seed, who, enrolment, half, 99 if snr is None else int(snr)])
+                stream = embed(utterances, noises[half], snr, rng, level_dbfs=float(rng.uniform(-32.0, -20.0)))
+                known = {"speaker": speaker, "enrolment": enrolment, "half": half, "snr": snr}
+                examples += examples_of(voice.matcher, offers(voice, stream.samples), stream.placed, **known)
+            for half in (0, 1):
+                rng = np.random.default_rng([seed, who, enrolment, half, 31337])
+                measured = offers(voice, babble(strangers, talk[half], noises[half], BABBLE_S, rng))
+                known = {"speaker": speaker, "enrolment": enrolment, "half": half, "snr": BABBLE}
+                examples += examples_of(voice.matcher, measured, (), **known)
         say(f"{speaker}: {len(examples)} examples so far")
     return examples
 
@@ -149,15 +166,15 @@ def held_back(examples: Sequence[Example]) -> npt.NDArray[np.float64]:
 def table(examples: Sequence[Example], scores: npt.NDArray[np.float64]) -> list[str]:
     """What one threshold for all words gives: right and accepted, unknown accepted, false accepts an hour."""
     best: dict[tuple[str, int, float | str | None, Placed], tuple[float, bool]] = {}
-    strange: dict[tuple[str, int], list[tuple[Example, float]]] = {}
+    strange: dict[Stream, list[tuple[Example, float]]] = {}
     for example, score in zip(examples, scores, strict=True):
         if example.counted and example.snr == BABBLE:
-            strange.setdefault((example.speaker, example.half), []).append((example, score))
+            strange.setdefault((example.speaker, example.enrolment, example.half), []).append((example, score))
         elif example.counted and example.placed is not None:
             key = (example.speaker, example.half, example.snr, example.placed)
             best[key] = max(best.get(key, (NEVER, False)), (float(score), example.said))
     lines = []
-    for snr in dict.fromkeys(snr for _, snr in STREAMS):
+    for snr in dict.fromkeys(e.snr for e in examples if e.snr != BABBLE):
         known = [(s, said) for (_, _, q, p), (s, said) in best.items() if q == snr and p.role == "test"]
         unknown = [s for (_, _, q, p), (s, _) in best.items() if q == snr and p.role == "unknown"]
         right = [s if said else NEVER for s, said in known]
@@ -167,7 +184,7 @@ def table(examples: Sequence[Example], scores: npt.NDArray[np.float64]) -> list[
             for line in LINES
         )
         lines.append(
-            f"{'clean' if snr is None else f'{snr:g} dB'}: {len(known)} known offered, {len(unknown)} unknown; EER "
+            f"{'clean' if snr is None else f'{snr} dB'}: {len(known)} known offered, {len(unknown)} unknown; EER "
             f"{equal_error_rate_pct(right, unknown)} %, unknown accepted at 95 % true accept "
             f"{accepted_at(right, unknown, 0.95)['pct']} %; right and accepted / unknown accepted by threshold: {at}"
         )
@@ -177,7 +194,7 @@ def table(examples: Sequence[Example], scores: npt.NDArray[np.float64]) -> list[
     return lines
 
 
-def _accepts(strange: dict[tuple[str, int], list[tuple[Example, float]]], line: float) -> int:
+def _accepts(strange: dict[Stream, list[tuple[Example, float]]], line: float) -> int:
     """How often a stretch passes that does not overlap the last one that passed."""
     count = 0
     for stream in strange.values():

@@ -27,11 +27,6 @@ EVIDENCE = (
     "all repetitions / own spread",
     "distance / other words' spread",
     "backwards / distance",
-    "noise taken off: distance / own spread",
-    "noise taken off: distance / second word",
-    "noise taken off: distance / other words' spread",
-    "noise taken off: distance / mean of words",
-    "noise taken off: all repetitions / own spread",
     "free order, own / others",
     "distance / free order",
     "distance",
@@ -76,16 +71,11 @@ class Score:
 
 
 @cache
-def fitted() -> Mapping[int, Score]:
-    """The shipped scores, by how much evidence they take."""
-    table = json.loads(FILE.read_text(encoding="utf-8"))
+def fitted(file: Path = FILE) -> Mapping[int, Score]:
+    """The scores of a file, the shipped ones if it is not named, by how much evidence they take."""
+    table = json.loads(file.read_text(encoding="utf-8"))
     scores = [Score(**{key: np.asarray(value) for key, value in row.items()}) for row in table.values()]  # type: ignore[arg-type]
     return {len(score.mean): score for score in scores}
-
-
-def score(evidence: Numbers) -> float:
-    """Log-odds that the nearest word was said; evidence with or without that of PRINTS."""
-    return float(fitted()[len(evidence)].of(evidence))
 
 
 def text(scores: Mapping[str, Score]) -> str:
@@ -99,7 +89,7 @@ def text(scores: Mapping[str, Score]) -> str:
 
 
 def fit(
-    x: Numbers, said: npt.NDArray[np.bool_], *, counts: Numbers | None = None, units: int = 4, ridge: float = 30.0
+    x: Numbers, said: npt.NDArray[np.bool_], *, counts: Numbers | None = None, units: int = 16, ridge: float = 60.0
 ) -> Score:
     """The weights with the greatest likelihood, less ridge / 2 of their squares, by L-BFGS from a fixed start.
 

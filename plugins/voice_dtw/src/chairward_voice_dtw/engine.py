@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
+from chairward_voice_dtw import calibration
 from chairward_voice_dtw.audio import RATE_HZ, Floats, Resampler
 from chairward_voice_dtw.embedding import network
 from chairward_voice_dtw.frontend import HOP, WINDOW
@@ -72,10 +74,13 @@ def frame_end_s(frame: int) -> float:
 
 
 class Voice:
-    """A person's templates made ready, once, for as many engines as are needed. embedding: use it where installed."""
+    """A person's templates made ready, once, for as many engines as are needed. embedding: use it where installed.
+    weights: file of the score."""
 
-    def __init__(self, templates: Sequence[Template], *, embedding: bool = True) -> None:
-        self.matcher = Matcher(templates)
+    def __init__(
+        self, templates: Sequence[Template], *, embedding: bool = True, weights: Path = calibration.FILE
+    ) -> None:
+        self.matcher = Matcher(templates, weights)
         model = network() if embedding else None
         self.prints = None if model is None else Prints(model, templates, self.matcher.words)
 

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import os
 import time
 import zlib
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from chairward_voice_dtw import calibration
 from chairward_voice_dtw.audio import Floats, SoundError
 from chairward_voice_dtw.embedding import network
 from chairward_voice_dtw.engine import NEVER, Engine, Heard, Thresholds
@@ -23,6 +21,7 @@ from chairward_voice_dtw.settings import EngineName, VoiceSettings
 from chairward_voice_dtw.stage import EngineMaker
 from chairward_voice_dtw.streams import STREAM_HZ, Placed, Row, babble, by_role, embed, load, read_manifest
 from chairward_voice_dtw.variants import VARIANTS, said
+from chairward_voice_dtw.workers import workers
 
 BLOCK = STREAM_HZ // 2
 """How sound is cut changes nothing (the tests of the streaming laws say so): long blocks only save time."""
@@ -36,6 +35,7 @@ class Plan:
     """What to evaluate; snrs in dB, None for clean. hours: of sound without commands, over all speakers.
 
     embedding: use the speech embedding where it is installed. variant: how the tested words are said.
+    speakers: only these; none: all. weights: file of the score.
     """
 
     manifest: Path
@@ -50,6 +50,8 @@ class Plan:
     embedding: bool = True
     variant: str = "usual"
     settings: VoiceSettings = field(default_factory=VoiceSettings)
+    speakers: tuple[str, ...] = ()
+    weights: Path = calibration.FILE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,7 +90,7 @@ def _maker(plan: Plan, speaker: str) -> EngineMaker:
     thresholds = Thresholds(
         word=plan.settings.threshold, stop=plan.settings.stop_threshold, stop_words=frozenset({plan.stop_word})
     )
-    return EngineMaker(files, thresholds, plan.engine, embedding=plan.embedding)
+    return EngineMaker(files, thresholds, plan.engine, embedding=plan.embedding, weights=plan.weights)
 
 
 def _engine(plan: Plan, speaker: str, *, at_once: bool = True) -> Engine:
@@ -161,14 +163,14 @@ def computing(plan: Plan, speaker: str) -> tuple[float, list[float]]:
 
 def _job(job: tuple[Any, ...]) -> Any:
     kind, *arguments = job
-    work: dict[str, Callable[..., Any]] = {"trials": trials, "false": false_accepts}
+    work: dict[str, Callable[..., Any]] = {"trials": trials, "false": false_accepts, "computing": computing}
     return work[kind](*arguments)
 
 
 def evaluate(plan: Plan, say: Say) -> dict[str, Any]:
     """Run everything; the report as plain values. `say` gets progress lines."""
     rows = _rows(plan.manifest)
-    speakers = speakers_of(rows)
+    speakers = [s for s in speakers_of(rows) if s in plan.speakers or not plan.speakers]
     if not speakers:
         raise SoundError(f"{plan.manifest}: no speaker has both template and test rows")
     if any(snr is not None for snr in plan.snrs) and not any(row.role == "noise" for row in rows):
@@ -181,25 +183,18 @@ def evaluate(plan: Plan, say: Say) -> dict[str, Any]:
     found: list[Trial] = []
     hours, strange = 0.0, list[list[Heard]]()
     began = time.monotonic()
-    for number, (job, result) in enumerate(_run(jobs, plan.processes), start=1):
-        if job[0] == "trials":
-            found += result
-        else:
-            hours += result[0]
-            strange.append(result[1])
-        if number % 20 == 0 or number == len(jobs):
-            say(f"{number} of {len(jobs)} streams, {time.monotonic() - began:.0f} s")
-    return report(plan, found, hours, strange, [computing(plan, speaker) for speaker in speakers[:3]])
-
-
-def _run(jobs: Sequence[tuple[Any, ...]], processes: int) -> Iterator[tuple[tuple[Any, ...], Any]]:
-    count = processes or min(2, os.cpu_count() or 1)
-    if count == 1:
-        for job in jobs:
-            yield job, _job(job)
-        return
-    with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
-        yield from zip(jobs, pool.map(_job, jobs, chunksize=2), strict=True)
+    with workers(plan.processes) as pool:
+        for number, (job, result) in enumerate(zip(jobs, pool.map(_job, jobs), strict=True), start=1):
+            if job[0] == "trials":
+                found += result
+            else:
+                hours += result[0]
+                strange.append(result[1])
+            if number % 20 == 0 or number == len(jobs):
+                say(f"{number} of {len(jobs)} streams, {time.monotonic() - began:.0f} s")
+        # one at a time: these are times
+        timed = [pool.submit(_job, ("computing", plan, speaker)).result() for speaker in speakers[:3]]
+    return report(plan, found, hours, strange, timed)
 
 
 def known_score(trial: Trial) -> float:
@@ -245,6 +240,7 @@ def cell(found: Sequence[Trial], stop_word: str) -> dict[str, Any]:
         "end_to_intent_ms": percentiles([1e3 * (h.decided_s - t.placed.end_s) for t, h in right], 50, 95),
         "endpoint_delay_ms": percentiles([delay for delay in delays_ms if delay >= 0.0], 50, 95),
         "cut_early_pct": share(len(early), len(known)),
+        "cut_in_loud_part_pct": share(sum(h.decided_s < t.placed.loud_end_s for t, h in deciding), len(known)),
         "cut_early_and_not_right_pct": share(sum(not correct(t) for t, _ in early), len(known)),
         "never_ended_pct": share(sum(bool(t.heard) and not any(h.word for h in t.heard) for t in known), len(known)),
         "undetected_pct": share(sum(not t.heard for t in known), len(known)),

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -22,39 +23,38 @@ from chairward_voice_dtw.templates import Template
 
 LIMIT = 3.0
 FARTHEST = 1e3
-# what a word is chosen by: log distance in the room's noise, log distance with the noise taken off, likeness of prints
-CHOOSE = (6.0, 3.0, 4.0)
+# what a word is chosen by: log distance in the room's noise, likeness of prints
+CHOOSE = (9.0, 4.0)
 
 Numbers = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measures:
-    """What was measured of one segment. moved, backwards, freed: distance to each template in the room's noise, of the
-    reversed segment, and with the noise taken off. free: mean distance of a frame to each template's nearest frame.
+    """What was measured of one segment. moved, backwards: distance to each template in the room's noise, and of the
+    reversed segment. free: distance of each frame to each template's nearest frame.
     """
 
     segment: Segment
     spotted: Spotted | None
     moved: Numbers
     backwards: Numbers
-    freed: Numbers
     free: npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """word: the nearest. score: log-odds that it was said. evidence: by `calibration.EVIDENCE`."""
+    """word: the nearest. score: log-odds that it was said."""
 
     word: str
     score: float
-    evidence: Numbers
 
 
 class Matcher:
-    """A person's templates, ready to be compared."""
+    """A person's templates, ready to be compared. weights: file of the score."""
 
-    def __init__(self, templates: Sequence[Template]) -> None:
+    def __init__(self, templates: Sequence[Template], weights: Path = calibration.FILE) -> None:
+        self._scores = calibration.fitted(weights)
         self.words = sorted({t.word for t in templates})
         self._word_of = np.array([self.words.index(t.word) for t in templates])
         clean = [np.ascontiguousarray(subtract(t.mel, t.noise, keep=0.02)) for t in templates]
@@ -93,33 +93,34 @@ class Matcher:
         room = float(noise.sum())
         level = max(float(np.percentile(mel.sum(axis=1), 80)) - room, 0.05 * room)
         moved = moved_features(self._clean, self._lengths, level / self._level, noise)
-        x = features(mel)
+        near, backwards, free = dtw.both_ways(features(mel), moved, self._lengths)
         return Measures(
             segment=segment,
             spotted=spotted,
-            moved=self._distances(x, moved),
-            backwards=self._distances(np.ascontiguousarray(x[::-1]), moved),
-            freed=self._distances(features(subtract(mel, noise)), self._quiet),
-            free=dtw.nearest(x, moved, self._lengths),
+            moved=np.clip(near, 1e-6, FARTHEST),
+            backwards=np.clip(backwards, 1e-6, FARTHEST),
+            free=free,
         )
 
-    def _distances(self, x: npt.NDArray[np.float32], templates: npt.NDArray[np.float32]) -> Numbers:
-        return np.clip(dtw.distances(x, templates, self._lengths), 1e-6, FARTHEST)
+    def weigh(self, m: Measures) -> Verdict:
+        """The nearest word and how sure it is."""
+        word, evidence = self.evidence(m)
+        return Verdict(word=word, score=float(self._scores[len(evidence)].of(evidence)))
 
-    def weigh(self, m: Measures, without: str | None = None) -> Verdict:
-        """The nearest word and how sure it is. without: as if that word had not been enrolled (for the calibration)."""
+    def evidence(self, m: Measures, without: str | None = None) -> tuple[str, Numbers]:
+        """The nearest word and what speaks for it, by `calibration.EVIDENCE`. without: as if that word had not been
+        enrolled (for the calibration)."""
         keep = [w for w, word in enumerate(self.words) if word != without]
         allowed = np.isin(self._word_of, keep)
         moved = np.array([m.moved[self._word_of == w].min() for w in range(len(self.words))])
-        freed = np.array([m.freed[self._word_of == w].min() for w in range(len(self.words))])
-        choice = -CHOOSE[0] * np.log(moved) - CHOOSE[1] * np.log(freed)
+        choice = -CHOOSE[0] * np.log(moved)
         if m.spotted is not None:
-            choice += CHOOSE[2] * m.spotted.best
+            choice += CHOOSE[1] * m.spotted.best
         best = max(keep, key=lambda w: choice[w])
         others = [w for w in keep if w != best]
         mine = np.flatnonzero(self._word_of == best)
         nearest = mine[int(np.argmin(m.moved[mine]))]
-        d, f, own, between = float(moved[best]), float(freed[best]), self._own[best], self._between[best]
+        d, own, between = float(moved[best]), self._own[best], self._between[best]
         free = np.array([m.free[self._word_of == w].min(axis=0).mean() for w in range(len(self.words))])
         ratios = [
             d / own,
@@ -128,11 +129,6 @@ class Matcher:
             m.moved[mine].mean() / own,
             d / between,
             m.backwards[allowed].min() / d,
-            f / own,
-            f / freed[others].min(initial=1.5 * f),
-            f / between,
-            f / freed[keep].mean(),
-            m.freed[mine].mean() / own,
             free[best] / free[others].min(initial=1.2 * free[best]),
             d / max(float(m.free[mine].mean(axis=1).min()), 1e-6),
             d,
@@ -158,5 +154,5 @@ class Matcher:
                 phrase[best],
                 *np.log(phrases),
             ]
-        evidence = np.clip([*np.log(np.maximum(ratios, 1e-9)), stretch, *around, *prints], -LIMIT, LIMIT)
-        return Verdict(word=self.words[best], score=calibration.score(evidence), evidence=evidence)
+        found = [*np.log(np.maximum(ratios, 1e-9)), stretch, *around, *prints]
+        return self.words[best], np.clip(found, -LIMIT, LIMIT)

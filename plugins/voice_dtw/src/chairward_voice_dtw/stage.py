@@ -15,7 +15,7 @@ from chairward.sound_pane import RecentSound
 from chairward.speaking import Listener
 from chairward.stages import AudioBlock
 from chairward.talk_switch import TalkListener
-from chairward_voice_dtw import drift
+from chairward_voice_dtw import calibration, drift
 from chairward_voice_dtw.audio import RATE_HZ, Floats, SoundError, read_wav
 from chairward_voice_dtw.engine import DtwEngine, Engine, Heard, ThesisEngine, Thresholds, Voice
 from chairward_voice_dtw.gate import Gate
@@ -54,12 +54,13 @@ class EngineMaker:
         engine: EngineName,
         *,
         embedding: bool = True,
+        weights: Path = calibration.FILE,
     ) -> None:
         self._thresholds, self._engine = thresholds, engine
         self._voice: Voice | None = None
         self._recordings: dict[str, Floats] = {}
         if engine == "default":
-            self._voice = Voice(from_files(files), embedding=embedding)
+            self._voice = Voice(from_files(files), embedding=embedding, weights=weights)
         else:
             self._recordings = {word: read_wav(paths[0], RATE_HZ)[0] for word, paths in files.items()}
 

@@ -18,6 +18,7 @@ from chairward_voice_dtw.audio import Floats, SoundError, read_wav
 STREAM_HZ = 16_000
 TICK = STREAM_HZ // 100
 COLUMNS = ("path", "word", "speaker", "role", "source")
+LOUD_DB = 20.0
 ROLES = ("template", "test", "unknown", "noise", "talk")
 
 
@@ -73,12 +74,12 @@ def active_rms(samples: Floats) -> float:
     return float(np.sqrt(power[-max(5, int(0.3 * len(power))) :].mean() + 1e-12))
 
 
-def word_bounds(samples: Floats) -> tuple[int, int]:
-    """First and one past the last sample of the word in a clean recording: frames within 30 dB of the loudest, or
+def word_bounds(samples: Floats, under_db: float = 30.0) -> tuple[int, int]:
+    """First and one past the last sample of the word in a clean recording: frames within under_db of the loudest, or
     within three quarters of the way to the quietest where that is less, at least 3 in a row."""
     level = 20.0 * np.log10(np.convolve(frame_rms(samples), np.ones(3) / 3.0, mode="same") + 1e-9)
     top, bottom = np.percentile(level, 97), np.percentile(level, 5)
-    line = top - min(30.0, 0.75 * (top - bottom))
+    line = top - min(under_db, 0.75 * (top - bottom))
     loud = level > line
     solid = loud.copy()
     solid[1:-1] &= loud[:-2] & loud[2:]
@@ -115,7 +116,10 @@ def room_tone(samples: Floats, length: int, rng: np.random.Generator) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """An utterance in a stream: the word's bounds in seconds of the stream, its own label and role."""
+    """An utterance in a stream: the word's bounds in seconds of the stream, its own label and role.
+
+    loud_end_s: where it is last within LOUD_DB of its loudest; breath and room follow, which noise covers.
+    """
 
     word: str
     role: str
@@ -123,6 +127,7 @@ class Placed:
     end_s: float
     from_s: float
     to_s: float
+    loud_end_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,6 +190,7 @@ def embed(
                 (begin + last) / STREAM_HZ,
                 now / STREAM_HZ,
                 (now + len(cell)) / STREAM_HZ,
+                (begin + word_bounds(clip, LOUD_DB)[1]) / STREAM_HZ,
             )
         )
         parts.append(cell)
