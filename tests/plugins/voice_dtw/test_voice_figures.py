@@ -38,9 +38,9 @@ def test_the_fit_finds_known_odds_and_what_bends_them() -> None:
     x = rng.normal(size=(4_000, 3))
     for odds in (x @ [2.0, -1.0, 0.0] + 0.5, 3.0 * np.tanh(2.0 * x[:, 0] + x[:, 1]) - x[:, 2]):
         said = rng.random(len(x)) < 1.0 / (1.0 + np.exp(-odds))
-        found = calibration.fit(x, said, ridge=1.0)
+        found = calibration.fit(x, said, units=4, ridge=1.0)
         assert np.mean(np.abs(found.of(x) - odds)) < 0.35
-        counted = calibration.fit(x, said, counts=np.where(said, 2.0, 1.0), ridge=1.0)
+        counted = calibration.fit(x, said, counts=np.where(said, 2.0, 1.0), units=4, ridge=1.0)
         assert np.mean(counted.of(x) - found.of(x)) == pytest.approx(np.log(2.0), abs=0.1)
 
 
