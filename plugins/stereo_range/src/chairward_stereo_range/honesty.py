@@ -21,8 +21,9 @@ OPEN_PX = 5
 MIN_PATCH = 40
 RIM_ISLAND = 20
 RIM_SHARE = 0.15
+HALF_RIM_SHARE = 0.35
 RIM_PIXELS = 12
-"""A rim counts as near when this part of it, and this many pixels, are obstacle."""
+"""A rim (or its left or right half alone) counts as near when this part of it, and this many pixels, are obstacle."""
 
 UNMATCHED_PIXELS = 60
 """Grid pixels (at 240 rows) with texture and without a match that are too many for an occlusion seam or for noise."""
@@ -74,18 +75,17 @@ def hidden_distance_mm(
     return float(least)
 
 
-def _rim_disparity(
-    full: Floats, rim: npt.NDArray[np.bool_], near: npt.NDArray[np.bool_], scale: float
-) -> float | None:
-    """The nearer one of a patch's left and right rim, as far as they are measured; None where neither is near.
+def _rim_disparity(full: Floats, rim: npt.NDArray[np.bool_], near: npt.NDArray[np.bool_], scale: float) -> float | None:
+    """The whole rim's disparity, or that of its left or right half where it is nearer; None where none is near.
 
-    A door that stands open towards the chair is far at its one rim and near at the other.
+    A door that stands open towards the chair is far at its one side and near at the other.
     """
     middle = rim.shape[1] // 2
+    halves = ((slice(0, middle), HALF_RIM_SHARE), (slice(middle, None), HALF_RIM_SHARE), (slice(None), RIM_SHARE))
     found = [
-        float(np.median(full[half][near[half]]))
-        for half in (np.s_[:, :middle], np.s_[:, middle:], np.s_[:, :])
-        if near[half].sum() >= max(RIM_PIXELS * scale, RIM_SHARE * int(rim[half].sum()))
+        float(np.median(full[:, part][near[:, part]]))
+        for part, share in halves
+        if near[:, part].sum() >= max(RIM_PIXELS * scale, share * int(rim[:, part].sum()))
     ]
     return max(found, default=None)
 
