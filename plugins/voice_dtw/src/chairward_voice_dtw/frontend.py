@@ -98,12 +98,12 @@ class MelStream:
 
 @cache
 def _cosines() -> Floats:
-    """BANDS x CEPSTRA: orthonormal DCT-II, sinusoidal lifter of 22 included."""
+    """CEPSTRA x BANDS: orthonormal DCT-II, sinusoidal lifter of 22 included."""
     n, k = np.arange(BANDS)[:, None], np.arange(CEPSTRA)[None]
     basis = np.cos(np.pi * k * (2 * n + 1) / (2 * BANDS)) * np.sqrt(2.0 / BANDS)
     basis[:, 0] /= np.sqrt(2.0)
     lifter = (1.0 + 11.0 * np.sin(np.pi * k / 22.0)) / 12.0
-    return np.asarray(basis * lifter, np.float32)
+    return np.ascontiguousarray((basis * lifter).T, np.float32)
 
 
 FLOOR = 10.0 ** (-15.0 / 10.0)
@@ -113,7 +113,7 @@ DELTA_WEIGHT = 1.5
 @jit
 def _features_into(mel: Floats, gain: float, noise: Floats, cosines: Floats, out: Floats) -> None:
     """Features of gain * mel + noise; see `features`."""
-    n, bands, cepstra = mel.shape[0], mel.shape[1], cosines.shape[1]
+    n, bands, cepstra = mel.shape[0], mel.shape[1], cosines.shape[0]
     mean = 0.0
     for t in range(n):
         for b in range(bands):
@@ -122,11 +122,11 @@ def _features_into(mel: Floats, gain: float, noise: Floats, cosines: Floats, out
     logs = np.empty(bands, np.float32)
     for t in range(n):
         for b in range(bands):
-            logs[b] = np.log(gain * mel[t, b] + noise[b] + lift)
+            logs[b] = np.log(np.float32(gain * mel[t, b] + noise[b] + lift))
         for c in range(cepstra):
             total = np.float32(0.0)
             for b in range(bands):
-                total += logs[b] * cosines[b, c]
+                total += logs[b] * cosines[c, b]
             out[t, c] = total
     spreads = np.empty(cepstra)
     overall = 0.0
