@@ -26,6 +26,10 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
+    def unfit_to_ride(self) -> tuple[str, str] | None:
+        """The key, and why a chair that somebody sits in is refused with its value; None: fit."""
+        return None
+
 
 class NoSettings(Settings):
     """For a component with nothing to set."""

@@ -40,6 +40,9 @@ class EarsSettings(Settings):
     speaker: str = ""
     threshold: float = Field(default=0.0, ge=-5, le=20)
 
+    def unfit_to_ride(self) -> tuple[str, str] | None:
+        return ("threshold", "hears too much: choose more") if self.threshold < -4.0 else None
+
 
 class WheelSettings(DriveSettings):
     port: str

@@ -123,6 +123,16 @@ def test_thesis_methods_are_refused_on_a_chair_wherever_they_come_from(house) ->
     assert house.load().lanes[1].stages[0].settings["engine"] == "thesis_text"
 
 
+def test_what_a_component_calls_unfit_is_refused_on_a_chair_only(house) -> None:
+    house.chair["settings"] = {"words": {"threshold": -4.5}}
+    house.load()
+    house.ridden()
+    assert house.refused() == (
+        "chairs/test.toml: settings.words.threshold = -4.5: hears too much: choose more; refused on a chair somebody "
+        'sits in (kind = "chair")'
+    )
+
+
 def test_simulated_input_is_refused_on_a_chair(house) -> None:
     house.ridden()
     house.chair["lane"]["front"]["source"] = "sim_eyes"

@@ -12,7 +12,7 @@ from chairward.talk_switch import TalkListener, TalkSwitch
 from chairward_voice_dtw import drift
 from chairward_voice_dtw.gate import Gate
 from chairward_voice_dtw.level import LevelMeter
-from chairward_voice_dtw.settings import VoiceSettings
+from chairward_voice_dtw.settings import OPEN_THRESHOLD, VoiceSettings
 from chairward_voice_dtw.store import WordStore
 
 S = 1_000_000_000
@@ -24,6 +24,14 @@ def gate(listening: str) -> Gate:
 
 def test_always_means_always() -> None:
     assert gate("always").lets_pass(0, S)
+
+
+def test_an_open_microphone_is_unfit_for_a_chair_with_a_person_in_it() -> None:
+    unfit = VoiceSettings(listening="always").unfit_to_ride()
+    assert unfit is not None
+    assert unfit[0] == "listening"
+    for fit in ({"listening": "armed"}, {"listening": "push_to_talk"}, {"threshold": OPEN_THRESHOLD}):
+        assert VoiceSettings.model_validate(fit).unfit_to_ride() is None
 
 
 def test_armed_opens_after_the_wake_word_or_a_press_and_closes_again() -> None:

@@ -120,7 +120,8 @@ def covers_ahead(chair_label: str, lanes: Sequence[Lane]) -> None:
 
 
 def ridden(chair: Chair, label: str, lanes: Sequence[Lane], slots: Sequence[Slot], parts: Sequence[Part]) -> None:
-    """On kind = "chair" refuse thesis methods, simulated and recorded input, companions, and no hardware stop."""
+    """On kind = "chair" refuse thesis methods, simulated and recorded input, companions, no hardware stop, and settings
+    that their component calls unfit."""
     if chair.kind is not ChairKind.CHAIR:
         return
     on = 'a chair somebody sits in (kind = "chair")'
@@ -142,6 +143,11 @@ def ridden(chair: Chair, label: str, lanes: Sequence[Lane], slots: Sequence[Slot
             raise ProfileError(f"{label}: lane.{name}.ends_run = true: is for recorded input, refused on {on}")
     sources = {lane.source.name for lane in lanes}
     for slot, part in zip(slots, parts, strict=True):
+        settings = slot.component.settings.model_validate(part.settings)
+        if unfit := settings.unfit_to_ride():
+            key, why = unfit
+            text = f"{slot.origin(key)}{key} = {shown(getattr(settings, key))}"
+            raise ProfileError(f"{text}: {why}; refused on {on}")
         for key, value in leaves(part.settings):
             text = f"{slot.origin(key.partition('.')[0])}{key} = {shown(value)}"
             if isinstance(value, str) and value.startswith("thesis"):

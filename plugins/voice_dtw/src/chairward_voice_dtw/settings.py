@@ -12,6 +12,10 @@ from chairward.components import Settings
 EngineName = Literal["default", "thesis_text", "thesis_code"]
 
 
+OPEN_THRESHOLD = 2.0
+"""With it no more than one false motion word an hour was measured, always listening (README)."""
+
+
 class VoiceSettings(Settings):
     """Settings of `voice_dtw`. Templates: the person's own store unless `templates_dir` or `manifest` is set."""
 
@@ -59,3 +63,12 @@ class VoiceSettings(Settings):
         pattern=r"^[a-z0-9_]{0,20}$",
         description="another set of recordings of the same person ('tired', 'hoarse'); empty: the usual voice",
     )
+
+    def unfit_to_ride(self) -> tuple[str, str] | None:
+        """An open microphone, unless its threshold is as high as what was measured asks for."""
+        if self.listening == "always" and self.threshold < OPEN_THRESHOLD:
+            return "listening", (
+                f"an open microphone moves wrongly more than once an hour among talking people: choose armed or "
+                f"push_to_talk, or a threshold of at least {OPEN_THRESHOLD:g}, at which more words go unheard"
+            )
+        return None
