@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from typing import Any
 
 import msgspec
 import pytest
@@ -104,6 +105,29 @@ def test_a_malformed_message_is_named_and_refreshes_nothing(raw: bytes, says: st
 def test_only_what_may_take_something_away_is_decided_at_once(message: Message, at_once: bool) -> None:
     raw = encode_parcel(Parcel(stage="sonar", body=message))
     assert border().take("front", raw, NOW) is at_once
+
+
+@pytest.mark.parametrize(
+    ("changes", "at_once"),
+    [
+        ({}, False),
+        ({"ahead_mm": 901, "left_mm": 1500}, False),
+        ({"ahead_mm": 899}, True),
+        ({"left_mm": 1499}, True),
+        ({"left_mm": None}, True),
+        ({"right_mm": 3000}, True),  # not told before, so it may be news
+        ({"closing_mm_s": 41}, True),
+        ({"closing_mm_s": 0}, False),
+        ({"can_see": False}, True),
+    ],
+)
+def test_a_reading_in_which_nothing_is_nearer_waits_for_the_tick(changes: dict[str, Any], at_once: bool) -> None:
+    b = border()
+    before = RangeReading(seq=1, captured_ns=NOW, can_see=True, ahead_mm=900, left_mm=1500, closing_mm_s=40)
+    after = msgspec.structs.replace(before, seq=2, **changes)
+    raws = [encode_parcel(Parcel(stage="sonar", body=body)) for body in (before, after)]
+    assert [b.take("front", raw, NOW) for raw in raws] == [True, at_once]
+    assert facts(b).ranges[SONAR] == (before, after), "what waits is known all the same"
 
 
 @pytest.mark.parametrize("value", [-1, 20_001, math.nan, math.inf, "near", 1.5, True])

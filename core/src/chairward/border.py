@@ -71,7 +71,8 @@ class Border:
     def take(self, lane: str, data: bytes, now_ns: int) -> bool:
         """One raw message of a lane. What does not pass is noted, never raised.
 
-        True where it should be decided upon at once; a refusal and a heartbeat that is well can wait for the tick.
+        True where it should be decided upon at once. What takes nothing away can wait for the tick: a refusal, a
+        heartbeat that is well, a reading in which nothing is nearer than before.
         """
         source = lane
         try:
@@ -83,11 +84,11 @@ class Border:
                 raise Refusal(f"lane '{lane}' has no stage '{parcel.stage}' in the chair file")
             source = f"{lane}/{parcel.stage}"
             self._check(plan, source, parcel.body, now_ns)
+            urgent = self._takes_away(source, parcel.body)
             self._fold(lane, source, parcel.body, now_ns)
-            if _all_is_well(parcel.body):
-                return False
-            self.newest_sent_ns = max(self.newest_sent_ns, min(parcel.sent_ns, now_ns))
-            return True
+            if urgent:
+                self.newest_sent_ns = max(self.newest_sent_ns, min(parcel.sent_ns, now_ns))
+            return urgent
         except Refusal as refusal:
             self._refused[source] = str(refusal)
             return False
@@ -193,6 +194,17 @@ class Border:
             if not self._awaited[lane]:
                 del self._lost[lane], self._awaited[lane]
 
+    def _takes_away(self, source: str, report: Report) -> bool:
+        """Whether the next decision could allow less because of it; a wish counts as such, for it may be a stop."""
+        match report:
+            case Alive(well=True) | Veto(stop=False):
+                return False
+            case RangeReading():
+                window = self._ranges.get(source, ())
+                return not window or _is_worse(report, window[-1])
+            case _:
+                return True
+
     def _wish(
         self,
         source: str,
@@ -227,12 +239,16 @@ def _stick_command(stick: Stick) -> Command:
     return Command.LEFT if stick.left >= 0.0 else Command.RIGHT
 
 
-def _all_is_well(report: Report) -> bool:
-    match report:
-        case Alive(well=True) | Veto(stop=False):
-            return True
-        case _:
-            return False
+def _is_worse(new: RangeReading, old: RangeReading) -> bool:
+    """Whether it cannot see, or anything in it is nearer, no longer told, or coming faster."""
+    ways = (
+        (new.ahead_mm, old.ahead_mm),
+        (new.behind_mm, old.behind_mm),
+        (new.left_mm, old.left_mm),
+        (new.right_mm, old.right_mm),
+    )
+    nearer = any(was is None or now is None or now < was for now, was in ways if now != was)
+    return nearer or not new.can_see or new.closing_mm_s > old.closing_mm_s
 
 
 def _always_counts(report: Report) -> bool:
