@@ -154,7 +154,8 @@ class RangeFinder:
         found[~textured(left, sigma)] = np.nan
         found = without_specks(found, int(40 * self.scale**2), 1.5)
         small, fused = half_size(left), mean_of_four(found)
-        return Match(fused, textured(small, noise_sigma(small)), np.isfinite(fused), found, sigma, small)
+        texture = textured(small, noise_sigma(small))
+        return Match(fused, texture, np.isfinite(fused), found, sigma, small, half_size(right))
 
     def _judge(self, match: Match) -> Measurement:
         v, o = self.view, self.options
@@ -166,6 +167,7 @@ class RangeFinder:
             floor_line = fit.apply(self._d_floor)
             floor, above, below = split(d, floor_line, v.pose.z_mm, o.clearance_mm, o.margin_px * self.scale)
         else:
+            floor_line = self._d_floor
             floor, above, below = np.zeros_like(known), known, np.zeros_like(known)
         full = np.where(known, d + np.float32(v.geometry.doffs_px), np.float32(1e-3))
         depth = (v.fb / np.maximum(full, 1e-3)).astype(np.float32)
@@ -188,7 +190,7 @@ class RangeFinder:
             reason = "too little texture to measure (a plain wall?)"
         elif unstopped and hidden <= HIDDEN_MARGIN * o.stop_mm:
             reason = f"a plain surface could be as near as {hidden:.0f} mm"
-        elif unstopped and out_of_match(match, self.region, self.scale):
+        elif unstopped and out_of_match(match, region, floor_line, self.scale):
             reason = "something with texture cannot be matched: it could be very near"
         elif self._repeats(match, floor):
             reason = "a repeating pattern could be nearer than it seems"

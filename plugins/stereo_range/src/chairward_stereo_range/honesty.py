@@ -28,6 +28,8 @@ RIM_PIXELS = 12
 UNMATCHED_PIXELS = 60
 """Grid pixels (at 240 rows) with texture and without a match that are too many for an occlusion seam or for noise."""
 
+FIT, FIT_WINDOW = 0.6, 9
+"""What is left of the contrast where two pictures fit, on the half-size grid."""
 SEAM_SLACK_PX = 4
 """Full-size px (at 240 rows) by which a seam may be wider than it should: both its rims are ragged."""
 
@@ -90,21 +92,36 @@ def _rim_disparity(full: Floats, rim: npt.NDArray[np.bool_], near: npt.NDArray[n
     return max(found, default=None)
 
 
-def out_of_match(match: Match, region: Region, scale: float) -> bool:
+def out_of_match(match: Match, region: npt.NDArray[np.bool_], floor: Floats, scale: float) -> bool:
     """Does something with texture, as large as a thing close by, stand in the lower half of the region unmatched?
 
     What is near must reach down there. It is unmatched because it is nearer than the search goes, because only one
     camera sees it, or because it is too narrow for its own distance: each of them is a near thing's. A seam that a
-    matched thing hides from the right camera does not count.
+    matched thing hides from the right camera does not count, nor what fits the floor, which may
+    repeat itself. region: grid mask; floor: disparity of the floor on the grid, full-size px.
     """
     cv2 = opencv()
-    unmatched = match.textured & ~np.isfinite(match.fused) & region.grid_mask
+    unmatched = match.textured & ~np.isfinite(match.fused) & region
     half = unmatched.shape[0] // 2
     unmatched[:half] = False
     unmatched[half:] &= ~_seams(match.fused[half:], scale)
+    if unmatched.sum() < UNMATCHED_PIXELS * scale * scale:
+        return False
+    unmatched &= ~_fits(match, floor)
     opened = cv2.morphologyEx(unmatched.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     _, _, stats, _ = cv2.connectedComponentsWithStats(opened)
     return bool((stats[1:, cv2.CC_STAT_AREA] >= UNMATCHED_PIXELS * scale * scale).any())
+
+
+def _fits(match: Match, disparity: Floats) -> npt.NDArray[np.bool_]:
+    """Where the left strip looks like the right one at these disparities: all but a part of its contrast is gone."""
+    cv2 = opencv()
+    rows, columns = np.indices(disparity.shape, np.float32)
+    other = cv2.remap(match.small_right, columns - disparity / 2, rows, cv2.INTER_LINEAR)
+    side = (FIT_WINDOW, FIT_WINDOW)
+    left = match.small.astype(np.float32)
+    contrast = cv2.blur(np.abs(left - cv2.blur(left, side)), side)
+    return np.asarray(cv2.blur(np.abs(left - other), side) <= FIT * contrast)
 
 
 def _seams(fused: Floats, scale: float) -> npt.NDArray[np.bool_]:

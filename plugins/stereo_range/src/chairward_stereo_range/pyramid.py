@@ -35,7 +35,7 @@ class Match:
 
     fused, textured, sharp: on the half-size grid; sharp: where blocks confirmed.
     precise: on the full-size grid, only where both matchers agree.
-    sigma: noise of the left strip at half size, grey levels. small: the left strip at half size.
+    sigma: noise of the left strip at half size, grey levels. small, small_right: the strips at half size.
     """
 
     fused: Floats
@@ -44,6 +44,7 @@ class Match:
     precise: Floats
     sigma: float
     small: Image
+    small_right: Image
 
 
 class Pyramid:
@@ -79,7 +80,7 @@ class Pyramid:
         fused[top // 2 : end // 2] = np.where(np.isfinite(confirmed), confirmed, part)
         sharp = np.zeros(fused.shape, bool)
         sharp[top // 2 : end // 2] = np.isfinite(confirmed)
-        return Match(fused.astype(np.float32), texture, sharp, precise, sigma, small_left)
+        return Match(fused.astype(np.float32), texture, sharp, precise, sigma, small_left, small_right)
 
     def _proposed(self, left: Image, right: Image) -> Floats:
         """Semi-global matching of the half-size strips, px of theirs; of large pictures at half their size again."""
