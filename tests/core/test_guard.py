@@ -225,7 +225,7 @@ def test_a_speed_waits_for_the_tick_and_a_charger_that_is_plugged_in_does_not() 
         it.drive.status = {"speed_mm_s": 90.0}
         os.write(it.drive.write_end, b"speed")
         end = time.monotonic() + 20.0
-        while not it.guard.drive_wakes:
+        while not it.guard.drive.wakes:
             assert time.monotonic() < end, "waited for the guard to read what the drive says"
             time.sleep(0.005)
         it.drive.status = {"charging": True}

@@ -15,7 +15,7 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from enum import Enum
 from pathlib import Path
 
@@ -23,10 +23,10 @@ import msgspec
 
 from chairward import arbiter, plan, wire
 from chairward.border import Border
-from chairward.components import STILL, Drive, DriveError, Motion
+from chairward.components import STILL, Drive
 from chairward.copies import Copies
+from chairward.drive_line import DriveLine
 from chairward.facts import Decision, Facts, Limits, S, State
-from chairward.messages import DriveStatus
 from chairward.options import GuardOptions
 from chairward.plan import Plan
 from chairward.plugins import discover_only
@@ -57,26 +57,20 @@ class Guard:
         observers: Sequence[socket.socket],
     ) -> None:
         self.limits: Limits = the_plan.limits
-        self.drive = drive
         self.border = Border({lane.name: lane for lane in the_plan.lanes}, the_plan.limits)
         self.lanes = dict(lanes)
         self.control = control
         self.copies = Copies(observers)
         self.state = State()
-        self.status = DriveStatus(at_ns=0, linked=False, armed=False)
-        self.drive_fault = ""
         self.supervisor_ns = 0
         self.tick = 0
         self.periods = 0
         self.leaving_since_ns = 0
         self.leaving_because = ""
-        self.commanded = STILL
-        self.hard = False
         self.selector = selectors.SelectSelector()  # epoll and poll round the time-out up to whole milliseconds
+        self.drive = DriveLine(drive, self.selector, Line.DRIVE)
         self.budget: dict[str, int] = {}
         self.muted: dict[str, socket.socket] = {}
-        self.drive_fd = -1
-        self.drive_wakes = 0
 
     def run(self) -> int:
         """Tick until told to quit or left alone. Always ends with a stop on the wire."""
@@ -115,23 +109,10 @@ class Guard:
             if key.data is Line.CONTROL:
                 self._drain_control()
             elif key.data is Line.DRIVE:
-                urgent |= self._drive_woke()
+                urgent |= self.drive.woke(time.monotonic_ns())
             elif key.data in self.lanes:  # the control line may just have closed it
                 urgent |= self._drain_lane(key.data)
         return urgent
-
-    def _drive_woke(self) -> bool:
-        """Read what the drive says. How it moves can wait for the tick, that it will not move (or will again) cannot.
-
-        One that never stops talking is not listened to until the tick.
-        """
-        self.drive_wakes += 1
-        if self.drive_wakes > MESSAGES_A_TICK:
-            self._follow_drive()
-            return False
-        before = _readiness(self.status)
-        self._poll_drive(time.monotonic_ns(), periodic=False)
-        return _readiness(self.status) != before
 
     def _drain_lane(self, name: str) -> bool:
         end = self.lanes[name]
@@ -195,13 +176,13 @@ class Guard:
         """Leaving, and the controller has said that it stands (or had its time)."""
         if not self.leaving_since_ns:
             return False
-        waited = time.monotonic_ns() - self.leaving_since_ns
-        standing = self.status.linked and abs(self.status.speed_mm_s or 0.0) < 1.0 and waited > 5 * self.drive.period_ns
-        return standing or not self.status.linked or waited > LEAVE_WITHIN_NS
+        status, waited = self.drive.status, time.monotonic_ns() - self.leaving_since_ns
+        standing = status.linked and abs(status.speed_mm_s or 0.0) < 1.0 and waited > 5 * self.drive.period_ns
+        return standing or not status.linked or waited > LEAVE_WITHIN_NS
 
     def _new_tick(self) -> None:
         self.budget.clear()
-        self.drive_wakes = 0
+        self.drive.new_tick()
         self.periods += 1
         for name, end in self.muted.items():
             self.selector.register(end, selectors.EVENT_READ, name)
@@ -211,64 +192,20 @@ class Guard:
 
     def _act(self, now: int, due: int, gap_ns: int, *, periodic: bool) -> None:
         """Facts, decision, drive, record. A message of a lane need not wait for the port of a drive that is silent."""
-        if periodic or gap_ns or self.drive_fault or self.drive_fd < 0:
-            self._poll_drive(now, periodic=periodic)
+        if periodic or gap_ns or self.drive.must_be_polled:
+            self.drive.poll(now, connect=periodic)
         if self.leaving_since_ns:
             self.border.lane_lost("supervisor", self.leaving_because)
-        facts = self.border.facts(now, self.status, self.supervisor_ns, gap_ns)
+        facts = self.border.facts(now, self.drive.status, self.supervisor_ns, gap_ns)
         before = self.state
         after, decision = arbiter.decide(before, facts, self.limits)
-        self._command(now, decision, periodic=periodic)
-        self.state = after
-        self._publish(now, due, before, facts, after, decision, periodic=periodic)
-        self.tick += 1
-
-    def _poll_drive(self, now: int, *, periodic: bool) -> None:
-        """The drive's status; whatever it raises or says that cannot be is a fault, and a fault latches."""
-        fault, self.drive_fault = self.drive_fault, ""
-        try:
-            said = self.drive.poll(now)
-            self.status = msgspec.convert(msgspec.to_builtins(said), DriveStatus)
-            if not self.status.linked and periodic:
-                self.drive.connect(now)
-        except Exception as error:  # noqa: BLE001 - the guard outlives any drive: it stops, latches and connects again
-            fault = _told(error)
-            self.status = msgspec.structs.replace(self.status, linked=False, armed=False)
-        if fault:
-            self.status = msgspec.structs.replace(self.status, fault=fault[:200])
-        self._follow_drive()
-
-    def _follow_drive(self) -> None:
-        """Listen where the drive listens now: it may have closed or opened its port in any call."""
-        fd = self.drive.fileno() if self.drive_wakes <= MESSAGES_A_TICK else -1
-        if fd == self.drive_fd:
-            return
-        if self.drive_fd >= 0:
-            self.selector.unregister(self.drive_fd)
-        if fd >= 0:
-            self.selector.register(fd, selectors.EVENT_READ, Line.DRIVE)
-        self.drive_fd = fd
-
-    def _command(self, now: int, decision: Decision, *, periodic: bool) -> None:
-        """Tell the drive: every tick, and at once when the motion falls; a rise waits for the tick."""
         motion, hard = decision.motion, decision.hard_stop
         if time.monotonic_ns() - now > self.limits.gap_limit_ns:
             motion, hard = STILL, True  # stopped between deciding and writing; the next decision latches the gap
-        if periodic or (hard and not self.hard) or _falls(self.commanded, motion) or decision.arm or decision.disarm:
-            self._tell(lambda: self.drive.command(now, motion, hard_stop=hard))
-            if decision.disarm:
-                self._tell(lambda: self.drive.disarm(now))
-            elif decision.arm:
-                self._tell(lambda: self.drive.arm(now))
-            self.commanded, self.hard = motion, hard
-            self._follow_drive()
-
-    def _tell(self, act: Callable[[], None]) -> None:
-        """One call of the drive; that it fails must not keep the next from being made."""
-        try:
-            act()
-        except Exception as error:  # noqa: BLE001 - see _poll_drive
-            self.drive_fault = self.drive_fault or _told(error)
+        self.drive.command(now, motion, decision, hard=hard, periodic=periodic)
+        self.state = after
+        self._publish(now, due, before, facts, after, decision, periodic=periodic)
+        self.tick += 1
 
     def _publish(
         self, now: int, due: int, before: State, facts: Facts, after: State, decision: Decision, *, periodic: bool
@@ -285,25 +222,11 @@ class Guard:
             after=after,
             decision=decision,
             newest_sent_ns=self.border.newest_sent_ns,
-            told=self.commanded,
-            told_hard=self.hard,
-            frame=getattr(self.drive, "last_frame", b""),
+            told=self.drive.motion,
+            told_hard=self.drive.hard,
+            frame=self.drive.last_frame,
         )
         self.copies.publish(record)
-
-
-def _told(error: Exception) -> str:
-    """What a drive raised, as a sentence."""
-    return str(error) if isinstance(error, DriveError) else f"the drive failed: {type(error).__name__}: {error}"
-
-
-def _readiness(status: DriveStatus) -> tuple[bool, bool, str, bool, bool]:
-    """All that rule 9 looks at."""
-    return status.linked, status.armed, status.fault, status.stopped_by_user, status.charging
-
-
-def _falls(old: Motion, new: Motion) -> bool:
-    return abs(new.drive_mm_s) < abs(old.drive_mm_s) or abs(new.turn_deg_s) < abs(old.turn_deg_s)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
