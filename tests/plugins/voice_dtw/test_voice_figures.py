@@ -40,8 +40,6 @@ def test_the_fit_finds_known_odds_and_what_bends_them() -> None:
         said = rng.random(len(x)) < 1.0 / (1.0 + np.exp(-odds))
         found = calibration.fit(x, said, units=4, ridge=1.0)
         assert np.mean(np.abs(found.of(x) - odds)) < 0.35
-        counted = calibration.fit(x, said, counts=np.where(said, 2.0, 1.0), units=4, ridge=1.0)
-        assert np.mean(counted.of(x) - found.of(x)) == pytest.approx(np.log(2.0), abs=0.1)
 
 
 def test_the_table_is_read_as_it_was_written(tmp_path: Path) -> None:

@@ -88,17 +88,11 @@ def text(scores: Mapping[str, Score]) -> str:
     return "{\n" + ",\n".join(f' "{name}": {row(found)}' for name, found in scores.items()) + "\n}\n"
 
 
-def fit(
-    x: Numbers, said: npt.NDArray[np.bool_], *, counts: Numbers | None = None, units: int = 16, ridge: float = 60.0
-) -> Score:
-    """The weights with the greatest likelihood, less ridge / 2 of their squares, by L-BFGS from a fixed start.
-
-    counts: how often each row counts (once).
-    """
+def fit(x: Numbers, said: npt.NDArray[np.bool_], *, units: int = 16, ridge: float = 60.0) -> Score:
+    """The weights with the greatest likelihood, less ridge / 2 of their squares, by L-BFGS from a fixed start."""
     from scipy.optimize import minimize
 
     mean, scale = x.mean(axis=0), x.std(axis=0) + 1e-9
-    times = np.ones(len(x)) if counts is None else counts
     z, count, rng = (x - mean) / scale, x.shape[1], np.random.default_rng(0)
     sizes = (count, 1, units * count, units, units)
     weights = [np.zeros(count + 1), rng.normal(0.0, 0.3, units * count), np.zeros(units), rng.normal(0.0, 0.3, units)]
@@ -111,10 +105,10 @@ def fit(
         linear, bias, hidden, offset, out = parts(w)
         inner = np.tanh(z @ hidden.reshape(units, count).T + offset)
         odds = z @ linear + bias[0] + inner @ out
-        wrong = times * (0.5 * (1.0 + np.tanh(0.5 * odds)) - said)
+        wrong = 0.5 * (1.0 + np.tanh(0.5 * odds)) - said
         back = np.outer(wrong, out) * (1.0 - inner * inner)
         slope = np.concatenate([z.T @ wrong, [wrong.sum()], (back.T @ z).ravel(), back.sum(axis=0), inner.T @ wrong])
-        least = float(times @ (np.logaddexp(0.0, odds) - odds * said) + 0.5 * (penalty * w * w).sum())
+        least = float((np.logaddexp(0.0, odds) - odds * said).sum() + 0.5 * (penalty * w * w).sum())
         return least, slope + penalty * w
 
     found = minimize(loss, np.concatenate(weights), jac=True, method="L-BFGS-B", options={"maxiter": 500})
