@@ -19,6 +19,8 @@ MIN_PIXELS = 30
 """... and from this many pixels on (full-size pixels at 240 rows)."""
 QUANTILE = 0.64
 """Of the smoothed inverse distances of the chosen thing: a little to its near side."""
+FLAT_PX = 0.5
+"""A thing whose middle two thirds differ by less (at 240 rows) has no near side: its median counts, free of bias."""
 NEAR_SIDE = 0.95
 """The same where the mount, and so what is upright, is not known: the near side of whatever slants away."""
 NEAR_RAY = 0.97
@@ -98,7 +100,7 @@ def nearest(
     smooth = _smoothed(disparity, member)
     if int(np.isfinite(smooth).sum()) < least / 2:
         smooth = disparity
-    found = _measured(smooth, np.isfinite(smooth) & member, forward, quantile)
+    found = _measured(smooth, np.isfinite(smooth) & member, forward, quantile, FLAT_PX * scale)
     return replace(found, rows=found.rows + box[0].start, cols=found.cols + box[1].start)
 
 
@@ -117,11 +119,14 @@ def _histogram(values: Floats, weights: Floats, bins: int) -> npt.NDArray[np.flo
     return np.convolve(counts, np.ones(WINDOW), "same")[:bins]
 
 
-def _measured(disparity: Floats, member: npt.NDArray[np.bool_], forward: Floats, quantile: float) -> Nearest:
+def _measured(
+    disparity: Floats, member: npt.NDArray[np.bool_], forward: Floats, quantile: float, flat_px: float = 0.0
+) -> Nearest:
     rows, cols = np.nonzero(member)
     ray = forward[rows, cols]
     inverse = disparity[rows, cols] / ray
-    chosen = _quantile(inverse, quantile)
+    flat = flat_px > 0 and quantile < NEAR_SIDE and _quantile(inverse, 0.84) - _quantile(inverse, 0.16) <= flat_px
+    chosen = _quantile(inverse, 0.5 if flat else quantile)
     depth = 1.0 / (chosen * _quantile(ray, NEAR_RAY))
     at = np.nonzero(inverse >= chosen)[0]
     return Nearest(1.0 / chosen, depth, 4 * rows.size, rows[at], cols[at])
