@@ -118,6 +118,15 @@ def test_a_plain_surface_that_leaves_the_picture_could_bulge_by_all_that_is_seen
     assert found.can_see == seen, (found.reason, found.hidden_mm)
 
 
+@pytest.mark.parametrize("texture", ["plain", "rough"])
+@pytest.mark.parametrize("distance", [150.0, 190.0, 230.0])
+def test_a_post_nearer_than_the_search_goes_is_flagged(tools: Any, texture: str, distance: float) -> None:
+    for width in (15.0, 25.0, 40.0, 70.0):
+        post = tools.board(distance, left_mm=width / 2, right_mm=-width / 2, top_mm=900.0, texture=texture, level=60.0)
+        found = tools.finder(region="trapezoid").measure(*tools.render(tools.room((post,))))
+        assert not found.can_see or (found.ahead is not None and found.ahead.ahead_mm <= 600.0)
+
+
 def test_a_repeating_floor_is_seen_where_it_is_measured_to_be_floor(tools: Any) -> None:
     """Shifted by a period it would stand at one depth over many rows, as no floor does."""
     found = tools.finder().measure(*tools.render(tools.room(floor="stripes")))

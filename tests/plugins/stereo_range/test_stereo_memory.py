@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 
 from chairward.components import Footprint
 from chairward_stereo_range.geometry import make_view
+from chairward_stereo_range.known_clear import BRIDGE_S, NEEDED_MM, KnownClear
 from chairward_stereo_range.leaving import Edge, Leaving
 from chairward_stereo_range.memory import Confirm, Memory, Seen
 from chairward_stereo_range.odometry import FloorOdometry
@@ -218,3 +220,42 @@ def test_a_table_top_that_has_gone_over_the_pictures_top_is_still_there(tools: A
         last = tracker.step(left, right, int(i * DT_S * 1e9))
     assert last is not None
     assert last.ahead_mm == pytest.approx(1500.0 - 30 * 33.0, abs=60.0)
+
+
+def after_a_clear_second(ahead_mm: float) -> KnownClear:
+    """A way that was measured clear for a second, with the nearest thing at ahead_mm."""
+    known = KnownClear()
+    for i in range(15):
+        assert not known.step(i * DT_S, True, ahead_mm, 33.0), "nothing is put off while there is no doubt"
+    return known
+
+
+def test_a_doubt_of_a_moment_on_a_known_way_is_put_off_for_a_bounded_time() -> None:
+    known = after_a_clear_second(inf)
+    answers = [known.step((15 + i) * DT_S, False, inf, 33.0) for i in range(30)]
+    assert answers[0]
+    until = answers.index(False)
+    assert (until + 1) * DT_S <= BRIDGE_S + DT_S
+    assert not any(answers[until:])
+
+
+@given(ahead_mm=st.floats(0, 3000), driven_mm=st.floats(0, 200))
+def test_no_doubt_is_put_off_beyond_the_way_that_was_measured(ahead_mm: float, driven_mm: float) -> None:
+    known = after_a_clear_second(ahead_mm)
+    for i in range(1, 7):
+        if known.step((14 + i) * DT_S, False, inf, driven_mm):
+            assert ahead_mm - i * driven_mm >= NEEDED_MM
+
+
+def test_the_way_is_not_known_at_the_start_nor_after_turning_nor_to_who_doubts_most_of_the_time() -> None:
+    assert not KnownClear().step(0.0, False, inf, 0.0)
+    turned = after_a_clear_second(inf)
+    assert not turned.step(15 * DT_S, False, inf, 33.0, sideways_mm=200.0)
+    doubtful = KnownClear()
+    assert not any(doubtful.step(i * DT_S, i % 3 == 0, inf, 33.0) for i in range(3, 60))
+
+
+def test_without_the_floor_s_word_the_known_way_shrinks_at_full_speed() -> None:
+    known = after_a_clear_second(NEEDED_MM + 100.0)
+    assert known.step(15 * DT_S, False, inf, None)
+    assert not known.step(17 * DT_S, False, inf, None)

@@ -21,6 +21,15 @@ def test_a_textured_wall_is_read_to_two_per_cent(tools: Any, distance: float, mo
     assert found.ahead.ahead_mm == pytest.approx(distance, rel=0.02)
 
 
+@pytest.mark.parametrize("distance", [600.0, 830.0, 1000.0, 1300.0])
+def test_a_flat_wall_is_read_without_bias(tools: Any, distance: float) -> None:
+    """Within 0.06 px: the near side of what has none is noise."""
+    left, right = tools.render(tools.room((tools.board(distance),)))
+    found = tools.finder(region="trapezoid").measure(left, right)
+    assert found.ahead is not None
+    assert abs(15_000 / found.ahead.depth_mm - 15_000 / distance) <= 0.06
+
+
 @pytest.mark.parametrize("method", PEERS)
 def test_every_method_reads_a_textured_wall(tools: Any, method: str) -> None:
     left, right = tools.render(tools.room((tools.board(800.0),)))

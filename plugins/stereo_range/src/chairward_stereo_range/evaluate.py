@@ -79,19 +79,21 @@ def run(
     gate: Gate | None = None,
     progress: Callable[[Entry], None] = lambda _entry: None,
     keep: Callable[[Entry, Image, Measurement], None] = lambda _entry, _left, _found: None,
+    prepare: Callable[[RangeFinder], None] = lambda _finder: None,
 ) -> Results:
-    """Measure every entry. Raises manifest.ManifestError."""
+    """Measure every entry. prepare: is given every finder before its first pair. Raises manifest.ManifestError."""
     results = Results()
     finders: dict[object, RangeFinder] = {}
     for entry in entries:
         progress(entry)
         if entry.kind == "sequence":
-            results.sequences.append(_drive(entry, options, height_px, gate))
+            results.sequences.append(_drive(entry, options, height_px, gate, prepare))
             continue
         left, right, was = manifest.pair(entry.left, entry.right, height_px)
         key = (was, entry.focal_px, entry.baseline_mm, entry.doffs_px, entry.pose, entry.metric)
         if key not in finders:
             finders[key] = _finder(entry, was, left, options)
+            prepare(finders[key])
         found, seconds = _timed(finders[key], left, right, gate)
         keep(entry, left, found)
         results.pairs.append(_pair_result(entry, finders[key], found, seconds))
@@ -130,7 +132,9 @@ def _pair_result(entry: Entry, finder: RangeFinder, found: Measurement, seconds:
     return PairResult(entry, _read(found), found.can_see, found.coverage, found.reason, seconds, error, pixels)
 
 
-def _drive(entry: Entry, options: Options, height_px: int, gate: Gate | None) -> SequenceResult:
+def _drive(
+    entry: Entry, options: Options, height_px: int, gate: Gate | None, prepare: Callable[[RangeFinder], None]
+) -> SequenceResult:
     truth = manifest.sequence_truth(entry)
     tracker: Tracker | None = None
     fps = float(entry.note.get("fps", "15") or 15)
@@ -140,7 +144,10 @@ def _drive(entry: Entry, options: Options, height_px: int, gate: Gate | None) ->
         options = replace(options, region="corridor")
     for index, left_path, right_path in manifest.numbered(entry):
         left, right, was = manifest.pair(left_path, right_path, height_px)
-        tracker = tracker or Tracker(_finder(entry, was, left, options, pose))
+        if tracker is None:
+            finder = _finder(entry, was, left, options, pose)
+            prepare(finder)
+            tracker = Tracker(finder)
         start = time.thread_time()
         mask = None if gate is None else gate(left, right, tracker.finder.view.geometry)
         step = tracker.step(left, right, int(index * 1e9 / fps), mask=mask)

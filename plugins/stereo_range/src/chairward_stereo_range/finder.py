@@ -5,6 +5,7 @@ Decisions are made on a grid of half the picture's size (every second row and co
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -33,6 +34,7 @@ AROUND_PX = 8
 """A thing's size is counted so far (grid pixels at 240 rows) beyond the region: a part of it may stand in the way."""
 HIDDEN_MARGIN = 1.15
 REPEATING_SHARE = 0.1
+MatchStrips = Callable[[Image, Image], Match]
 FINE_ROWS = (112, 218)
 """Rows (at 240) in which the pyramid refines: the thesis' region and a margin."""
 
@@ -89,7 +91,7 @@ class Measurement:
     right: Spot | None
     coverage: float
     can_see: bool
-    sides_seen: tuple[bool, bool] = (True, True)
+    sides_seen: tuple[bool, ...] = (True, True)
     reason: str = ""
     drop: Spot | None = None
     hidden_mm: float = float("inf")
@@ -99,7 +101,7 @@ class Measurement:
 
 
 class RangeFinder:
-    """Measures pairs of one view. Keeps nothing between frames."""
+    """Measures pairs of one view. Keeps nothing between frames. match: what makes disparities of its two strips."""
 
     def __init__(self, view: View, options: Options) -> None:
         g = view.geometry
@@ -113,14 +115,13 @@ class RangeFinder:
         self._d_floor = np.ascontiguousarray(view.d_floor[grid])
         self._forward = np.ascontiguousarray(view.forward[grid])
         self._drops = DropWatch(view, grid, half, self.scale) if view.floor_known else None
-        fine = [int(row * self.scale) for row in FINE_ROWS]
-        self._fine = (max(self.top, fine[0]) - self.top, min(self.bottom, fine[1]) - self.top)
+        first, end = (int(row * self.scale) for row in FINE_ROWS)
+        self._fine = (max(self.top, first) - self.top, min(self.bottom, end) - self.top)
         self._trust = np.full(self._forward.shape, UNCONFIRMABLE, np.float32)
         self._trust[self._fine[0] // 2 : self._fine[1] // 2] = UNCONFIRMED
-        if options.method == "pyramid":
-            self._pyramid = Pyramid(self.first, self.count, self.scale, self._fine)
-        elif options.method not in thesis.LIMITS:
-            self._matcher = make_matcher(options.method, self.first, self.count)
+        self.match: MatchStrips = Pyramid(self.first, self.count, self.scale, self._fine)
+        if options.method != "pyramid" and options.method not in thesis.LIMITS:
+            self.match, self._matcher = self._peer, make_matcher(options.method, self.first, self.count)
 
     @property
     def is_thesis(self) -> bool:
@@ -139,13 +140,11 @@ class RangeFinder:
         rows, cols = slice(self.top, self.bottom), slice(0, left.shape[1] // 2 * 2)
         grey_left = cv2.cvtColor(np.ascontiguousarray(left[rows, cols]), cv2.COLOR_BGR2GRAY)
         grey_right = cv2.cvtColor(np.ascontiguousarray(right[rows, cols]), cv2.COLOR_BGR2GRAY)
-        if self.is_thesis:
-            return self._thesis(grey_left, grey_right, mask)
-        if self.options.method == "pyramid":
-            match = self._pyramid(grey_left, grey_right)
-        else:
-            match = self._peer(grey_left, grey_right)
-        return self._judge(match)
+        return (
+            self._thesis(grey_left, grey_right, mask)
+            if self.is_thesis
+            else self._judge(self.match(grey_left, grey_right))
+        )
 
     def _peer(self, left: Image, right: Image) -> Match:
         """Another matcher alone, with the texture gate and speckle filter that all of them profit from."""
@@ -182,7 +181,7 @@ class RangeFinder:
         low_enough = above & self.region.passable(depth)
         left = self._spot(full, low_enough, match.sharp, slice(0, third))
         right = self._spot(full, low_enough, match.sharp, slice(d.shape[1] - third, d.shape[1]))
-        sides_seen = (_share_known(known[:, :third]), _share_known(known[:, d.shape[1] - third :]))
+        sides_seen = tuple(bool(k.mean() >= SIDE_COVERAGE) for k in (known[:, :third], known[:, d.shape[1] - third :]))
         coverage = float((known & region).sum()) / max(1, int(region.sum()))
         hidden = hidden_distance_mm(match, full, above, self.region, v, self.scale)
         reason, unstopped = "", ahead is None or ahead.depth_mm > o.stop_mm
@@ -293,12 +292,8 @@ class RangeFinder:
 
 def _around(inside: Bools, scale: float) -> Bools:
     """What lies within AROUND_PX of the pixels inside."""
-    side = 2 * round(AROUND_PX * scale) + 1
-    return np.asarray(opencv().dilate(inside.astype(np.uint8), np.ones((side, side), np.uint8)), bool)
-
-
-def _share_known(known: Bools) -> bool:
-    return bool(known.mean() >= SIDE_COVERAGE)
+    square = np.ones((2 * round(AROUND_PX * scale) + 1,) * 2, np.uint8)
+    return np.asarray(opencv().dilate(inside.astype(np.uint8), square), bool)
 
 
 def reported_mm(spot: Spot | None) -> int:

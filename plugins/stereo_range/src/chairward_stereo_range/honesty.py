@@ -101,16 +101,17 @@ def out_of_match(match: Match, region: npt.NDArray[np.bool_], floor: Floats, sca
     repeat itself. region: grid mask; floor: disparity of the floor on the grid, full-size px.
     """
     cv2 = opencv()
+    half = match.fused.shape[0] // 2
     unmatched = match.textured & ~np.isfinite(match.fused) & region
-    half = unmatched.shape[0] // 2
     unmatched[:half] = False
-    unmatched[half:] &= ~_seams(match.fused[half:], scale)
-    if unmatched.sum() < UNMATCHED_PIXELS * scale * scale:
+    many = UNMATCHED_PIXELS * scale * scale
+    if unmatched.sum() < many:
         return False
+    unmatched[half:] &= ~_seams(match.fused[half:], scale)
     unmatched &= ~_fits(match, floor)
     opened = cv2.morphologyEx(unmatched.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     _, _, stats, _ = cv2.connectedComponentsWithStats(opened)
-    return bool((stats[1:, cv2.CC_STAT_AREA] >= UNMATCHED_PIXELS * scale * scale).any())
+    return bool((stats[1:, cv2.CC_STAT_AREA] >= many).any())
 
 
 def _fits(match: Match, disparity: Floats) -> npt.NDArray[np.bool_]:
