@@ -63,7 +63,7 @@ class Memory:
     def step(self, seen: Seen, driven_mm: float | None, sideways_mm: float = 0.0) -> Remembered:
         """seen: this frame. driven_mm, sideways_mm: how the floor ahead moved since the last frame, None unknown."""
         if self._held_mm is not None:
-            self._held_mm -= self._carried(driven_mm)
+            self._held_mm -= self._carried(self._held_mm, driven_mm)
             self._sideways_mm += sideways_mm
             passed = self._held_mm < -self._length
             in_view_again = self._held_mm > self._edge + BACKED_MM
@@ -77,7 +77,7 @@ class Memory:
         self._track.append(seen)
         if seen.ahead_mm is not None and self._going_under(seen):
             if self._held_mm is None:
-                self._pace_mm, self._sideways_mm = (self._pace() if seen.top_mm <= 0.0 else None), 0.0
+                self._pace_mm, self._sideways_mm = (self._pace(seen) if seen.top_mm <= 0.0 else None), 0.0
             self._held_mm = seen.ahead_mm if self._held_mm is None else min(seen.ahead_mm, self._held_mm)
         if self._held_mm is not None and (seen.ahead_mm is None or self._held_mm < seen.ahead_mm):
             return Remembered(max(self._held_mm, 0.0), 0.0, True)
@@ -89,19 +89,25 @@ class Memory:
             return False
         return driven_mm < -2.0 and abs(seen.ahead_mm - self._held_mm) < UNDER_MM
 
-    def _carried(self, driven_mm: float | None) -> float:
+    def _carried(self, held_mm: float, driven_mm: float | None) -> float:
         """How far the held thing came nearer. Beyond the end of the floor the odometry sees a lower floor, which
-        passes more slowly: a chair that moves there is taken to go on at the pace at which it came."""
+        passes more slowly, or both at once and cannot tell: a chair is taken to go on there at the pace at which it
+        came, but where nothing tells that it moves, up to the edge and not past it."""
         if driven_mm is None:
-            return 0.0
+            return max(min(self._pace_mm, held_mm), 0.0) if self._pace_mm is not None else 0.0
         if self._pace_mm is not None and driven_mm > 0.3 * self._pace_mm:
             return max(driven_mm, self._pace_mm)
         return driven_mm
 
-    def _pace(self) -> float:
-        """mm a frame lately, on the fast side."""
+    def _pace(self, seen: Seen) -> float:
+        """mm a frame lately, on the fast side: what the floor told, or by how much the thing itself came nearer.
+
+        The floor tells too little where the odometry's patch already holds some of the lower one.
+        """
         known = [mm for _, mm in self._driven if not np.isnan(mm)]
-        return float(np.quantile(known, 0.8)) if known else 0.0
+        first = self._track[0]
+        came = 0.0 if first.ahead_mm is None or seen.ahead_mm is None else first.ahead_mm - seen.ahead_mm
+        return max(float(np.quantile(known, 0.8)) if known else 0.0, came / max(1, len(self._track) - 1))
 
     def _going_under(self, seen: Seen) -> bool:
         """A low thing at the lower end of the view that has come nearer just as far as the chair drove."""
