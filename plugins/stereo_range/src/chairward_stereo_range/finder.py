@@ -16,14 +16,14 @@ from chairward_stereo_range import thesis
 from chairward_stereo_range.drops import DropWatch
 from chairward_stereo_range.floor import FloorFit, fit_floor, split
 from chairward_stereo_range.geometry import THESIS_HEIGHT, View, disparity_range
-from chairward_stereo_range.honesty import hidden_distance_mm, out_of_match
+from chairward_stereo_range.honesty import hidden_distance_mm, out_of_match, repeats
 from chairward_stereo_range.leaving import inner_edge_mm
 from chairward_stereo_range.matching import Method, make_matcher
 from chairward_stereo_range.nearest import NEAR_SIDE, QUANTILE, nearest
 from chairward_stereo_range.opencv import opencv
 from chairward_stereo_range.pyramid import Match, Pyramid, half_size, mean_of_four, without_specks
 from chairward_stereo_range.region import Bools, Region, RegionKind
-from chairward_stereo_range.texture import noise_sigma, periodic, textured
+from chairward_stereo_range.texture import noise_sigma, textured
 
 UNCONFIRMED, UNCONFIRMABLE = 0.6, 0.3
 """What a proposed pixel counts that full size did not confirm, or was not asked to (outside FINE_ROWS)."""
@@ -32,8 +32,8 @@ SPECKS = 12
 """Smaller islands (grid pixels at 240 rows) above the floor are noise of the floor itself."""
 AROUND_PX = 8
 """A thing's size is counted so far (grid pixels at 240 rows) beyond the region: a part of it may stand in the way."""
-HIDDEN_MARGIN = 1.15
-REPEATING_SHARE = 0.1
+HIDDEN_MARGIN, HIDDEN_NEARER = 1.15, 0.9
+"""So far beyond the stop distance a hidden thing matters, where it would be so much nearer than what is measured."""
 MatchStrips = Callable[[Image, Image], Match]
 FINE_ROWS = (112, 218)
 """Rows (at 240) in which the pyramid refines: the thesis' region and a margin."""
@@ -187,11 +187,11 @@ class RangeFinder:
         reason, unstopped = "", ahead is None or ahead.depth_mm > o.stop_mm
         if coverage < o.min_coverage:
             reason = "too little texture to measure (a plain wall?)"
-        elif unstopped and hidden <= HIDDEN_MARGIN * o.stop_mm:
+        elif unstopped and self._matters(hidden, ahead):
             reason = f"a plain surface could be as near as {hidden:.0f} mm"
         elif unstopped and out_of_match(match, region, floor_line, self.scale):
             reason = "something with texture cannot be matched: it could be very near"
-        elif self._repeats(match, floor):
+        elif repeats(match, region & ~floor, region, self.count, self.scale):
             reason = "a repeating pattern could be nearer than it seems"
         return Measurement(
             disparity=self._whole(match.precise),
@@ -212,19 +212,10 @@ class RangeFinder:
             sigma=match.sigma,
         )
 
-    def _repeats(self, match: Match, floor: Bools) -> bool:
-        """Does the lower half of the region, where a near thing must stand, repeat itself along its rows?
-
-        Not where it is measured to be floor: shifted by a period it would stand at one depth over many rows.
-        """
-        mask = self.region.grid_mask
-        half = mask.shape[0] // 2
-        low, small, unsure = mask[half:], match.small[half:], ~floor[half:]
-        if (k := round(self.scale)) > 1:  # a pattern that could be mistaken is as large as at 240 rows
-            low, unsure = (m[: m.shape[0] // k * k : k, : m.shape[1] // k * k : k] for m in (low, unsure))
-            small = opencv().resize(small, low.shape[::-1], interpolation=opencv().INTER_AREA)
-        repeats = periodic(small, self.count // 2 // max(1, k), match.sigma)
-        return bool((repeats & low & unsure).sum() > REPEATING_SHARE * max(1, int(low.sum())))
+    def _matters(self, hidden_mm: float, ahead: Spot | None) -> bool:
+        """Could a hidden thing ask for a stop that what is measured does not?"""
+        nearer = ahead is None or hidden_mm <= HIDDEN_NEARER * ahead.depth_mm
+        return hidden_mm <= self.options.stop_mm * (HIDDEN_MARGIN if nearer else 1.0)
 
     def _whole(self, strip: Floats) -> Floats:
         out = np.full(self.view.forward.shape, np.nan, np.float32)

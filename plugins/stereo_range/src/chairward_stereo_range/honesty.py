@@ -15,6 +15,7 @@ from chairward_stereo_range.geometry import View
 from chairward_stereo_range.opencv import opencv
 from chairward_stereo_range.pyramid import Match, gap_ends, without_specks
 from chairward_stereo_range.region import Region
+from chairward_stereo_range.texture import periodic
 
 OPEN_PX = 5
 """Plain patches narrower than this on the half-size grid (at 240 rows) are occlusion seams, not surfaces."""
@@ -28,6 +29,8 @@ RIM_PIXELS = 12
 UNMATCHED_PIXELS = 60
 """Grid pixels (at 240 rows) with texture and without a match that are too many for an occlusion seam or for noise."""
 
+REPEATING_SHARE = 0.1
+"""A region of which so much repeats itself is not believed."""
 FIT, FIT_WINDOW = 0.6, 9
 """What is left of the contrast where two pictures fit, on the half-size grid."""
 SEAM_SLACK_PX = 4
@@ -112,6 +115,23 @@ def out_of_match(match: Match, region: npt.NDArray[np.bool_], floor: Floats, sca
     opened = cv2.morphologyEx(unmatched.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     _, _, stats, _ = cv2.connectedComponentsWithStats(opened)
     return bool((stats[1:, cv2.CC_STAT_AREA] >= many).any())
+
+
+def repeats(
+    match: Match, unsure: npt.NDArray[np.bool_], region: npt.NDArray[np.bool_], count: int, scale: float
+) -> bool:
+    """Does the lower half of the region, where a near thing must stand, repeat itself along its rows?
+
+    Not where it is measured to be floor: shifted by a period it would stand at one depth over many rows. unsure,
+    region: grid masks of what is not floor and of all; count: disparities searched, full-size px.
+    """
+    half, k = region.shape[0] // 2, round(scale)
+    low, small, unsure = region[half:], match.small[half:], unsure[half:]
+    if k > 1:  # a pattern that could be mistaken is as large as at 240 rows
+        low, unsure = (m[: m.shape[0] // k * k : k, : m.shape[1] // k * k : k] for m in (low, unsure))
+        small = np.asarray(opencv().resize(small, low.shape[::-1], interpolation=opencv().INTER_AREA), np.uint8)
+    found = periodic(small, count // 2 // max(1, k), match.sigma)
+    return bool((found & unsure).sum() > REPEATING_SHARE * max(1, int(low.sum())))
 
 
 def _fits(match: Match, disparity: Floats) -> npt.NDArray[np.bool_]:
