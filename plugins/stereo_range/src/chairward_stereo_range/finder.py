@@ -32,8 +32,7 @@ SPECKS = 12
 """Smaller islands (grid pixels at 240 rows) above the floor are noise of the floor itself."""
 AROUND_PX = 8
 """A thing's size is counted so far (grid pixels at 240 rows) beyond the region: a part of it may stand in the way."""
-HIDDEN_MARGIN, HIDDEN_NEARER = 1.15, 0.9
-"""So far beyond the stop distance a hidden thing matters, where it would be so much nearer than what is measured."""
+HIDDEN_MARGIN = 1.15
 MatchStrips = Callable[[Image, Image], Match]
 FINE_ROWS = (112, 218)
 """Rows (at 240) in which the pyramid refines: the thesis' region and a margin."""
@@ -187,7 +186,7 @@ class RangeFinder:
         reason, unstopped = "", ahead is None or ahead.depth_mm > o.stop_mm
         if coverage < o.min_coverage:
             reason = "too little texture to measure (a plain wall?)"
-        elif unstopped and self._matters(hidden, ahead):
+        elif unstopped and hidden <= HIDDEN_MARGIN * o.stop_mm:
             reason = f"a plain surface could be as near as {hidden:.0f} mm"
         elif unstopped and out_of_match(match, region, floor_line, self.scale):
             reason = "something with texture cannot be matched: it could be very near"
@@ -211,11 +210,6 @@ class RangeFinder:
             floor_fit=fit,
             sigma=match.sigma,
         )
-
-    def _matters(self, hidden_mm: float, ahead: Spot | None) -> bool:
-        """Could a hidden thing ask for a stop that what is measured does not?"""
-        nearer = ahead is None or hidden_mm <= HIDDEN_NEARER * ahead.depth_mm
-        return hidden_mm <= self.options.stop_mm * (HIDDEN_MARGIN if nearer else 1.0)
 
     def _whole(self, strip: Floats) -> Floats:
         out = np.full(self.view.forward.shape, np.nan, np.float32)
