@@ -22,13 +22,14 @@ import cv2
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent / "rendered"))
+from oracle import Oracle, true_disparity
 from photographs import Photographer, Sensor, sensor
 from rooms import BELOW, FLOOR, THINGS, WALL, room
 from surfaces import Atlas, atlas
 
 from chairward.components import Pose
 from chairward.messages import NOTHING_NEAR_MM
-from chairward.stages import StereoGeometry
+from chairward.stages import Floats, StereoGeometry
 from chairward_stereo_range import evaluate, figures, manifest
 from chairward_stereo_range.finder import Options, RangeFinder
 from chairward_stereo_range.geometry import make_view, rays, thesis_trapezoid
@@ -97,9 +98,14 @@ def nearest_mm(depth: Any, ids: Any, g: StereoGeometry, pose: Pose, corridor: bo
 class Writer:
     """A manifest and its pictures in one folder."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, truths: list[Floats] | None = None) -> None:
+        self.folder, self.truths = folder, truths
         self._rows: list[list[str]] = []
+
+    def look(self, photographer: Photographer, g: StereoGeometry, pose: Pose, heading_deg: float) -> None:
+        """Keep the true disparities of a frame, where they are wanted."""
+        if self.truths is not None:
+            self.truths.append(true_disparity(photographer, g, pose, heading_deg))
 
     def add(self, name: str, kind: str, g: StereoGeometry, pose: Pose, nearest: float, note: str) -> None:
         """One row; the pictures' names follow from `name`."""
@@ -134,6 +140,7 @@ def add_pair(out: Writer, rng: np.random.Generator, materials: Atlas, name: str)
     g, pose, heading = geometry(rng), mount(rng), float(rng.uniform(-6, 6))
     cameras, photographer = sensor(rng), Photographer(made, materials)
     pair = photographer.pair(g, pose, heading, cameras, rng)
+    out.look(photographer, g, pose, heading)
     for side, picture in zip("LR", pair, strict=True):
         cv2.imwrite(str(out.folder / f"{name}_{side}.png"), picture, [cv2.IMWRITE_PNG_COMPRESSION, 1])
     nearest = nearest_mm(*photographer.truth(g, pose, heading), g, pose, corridor=False)
@@ -166,6 +173,7 @@ def add_drive(out: Writer, rng: np.random.Generator, materials: Atlas, name: str
         depth, ids = photographer.truth(g, at, heading)
         nearest = start - driven if what in ("drop", "stairs") else nearest_mm(depth, ids, g, pose, corridor)
         truths.append((driven, nearest))
+        out.look(photographer, g, at, heading)
         for side, picture in zip("LR", photographer.pair(g, at, heading, cameras, rng), strict=True):
             cv2.imwrite(str(out.folder / f"{name}_{side}_{i:03d}.jpg"), picture, [cv2.IMWRITE_JPEG_QUALITY, 98])
     if corridor and what in THINGS:  # what has gone under the view is still there
@@ -178,20 +186,23 @@ def add_drive(out: Writer, rng: np.random.Generator, materials: Atlas, name: str
     out.add(name, "sequence", g, pose, float("inf"), note)
 
 
-def lot(task: tuple[int, int, int, int, str]) -> evaluate.Results:
-    """Render and measure one lot: (seed, number of the lot, pairs, drives, folder to keep it in or "")."""
+def lot(task: tuple[int, int, int, int, str, bool]) -> evaluate.Results:
+    """Render and measure one lot: (seed, number of the lot, pairs, drives, folder to keep it in or "", oracle?)."""
     cv2.setNumThreads(1)
-    seed, number, pairs, drives, keep = task
+    seed, number, pairs, drives, keep, perfect = task
     materials = atlas(seed * 100_003 + number)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(keep or temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        out = Writer(folder)
+        out = Writer(folder, [] if perfect else None)
         for i in range(pairs):
             add_pair(out, np.random.default_rng([seed, number, 0, i]), materials, f"p{number}_{i}")
         for i in range(drives):
             add_drive(out, np.random.default_rng([seed, number, 1, i]), materials, f"d{number}_{i}")
-        return evaluate.run(manifest.read(out.close()), Options(region="trapezoid"), 240)
+        entries, options = manifest.read(out.close()), Options(region="trapezoid")
+        if out.truths is None:
+            return evaluate.run(entries, options, 240)
+        return evaluate.run(entries, options, 240, prepare=Oracle(iter(out.truths)).prepare)
 
 
 def wall_table(seed: int) -> dict[str, float]:
@@ -240,14 +251,16 @@ def main() -> None:
     parser.add_argument("--drives", type=int, default=480)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--lots", type=int, help="only the first so many lots of about 150 pairs and 14 drives")
+    parser.add_argument("--first", type=int, default=0, help="number of the first lot")
+    parser.add_argument("--oracle", action="store_true", help="with the renderer's disparities: the geometry's limit")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--keep", default="")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "eyes_rendered.json")
     arguments = parser.parse_args()
     lots = max(1, round(max(arguments.pairs / PAIRS_A_LOT, arguments.drives / DRIVES_A_LOT)))
     share = [[n * (i + 1) // lots - n * i // lots for n in (arguments.pairs, arguments.drives)] for i in range(lots)]
-    chosen = range(lots)[: arguments.lots]
-    tasks = [(arguments.seed, i, share[i][0], share[i][1], "" if i else arguments.keep) for i in chosen]
+    chosen = range(lots)[arguments.first :][: arguments.lots]
+    tasks = [(arguments.seed, i, *share[i], "" if i else arguments.keep, arguments.oracle) for i in chosen]
     results = evaluate.Results()
     with Pool(arguments.jobs) as pool:
         for i, part in enumerate(pool.imap(lot, tasks)):
