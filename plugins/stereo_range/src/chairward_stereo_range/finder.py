@@ -119,7 +119,8 @@ class RangeFinder:
         self._trust = np.full(self._forward.shape, UNCONFIRMABLE, np.float32)
         self._trust[self._fine[0] // 2 : self._fine[1] // 2] = UNCONFIRMED
         self.match: MatchStrips = Pyramid(self.first, self.count, self.scale, self._fine)
-        if options.method != "pyramid" and options.method not in thesis.LIMITS:
+        self._dense = options.method == "pyramid"  # the others leave gaps by nature, which say nothing
+        if not self._dense and options.method not in thesis.LIMITS:
             self.match, self._matcher = self._peer, make_matcher(options.method, self.first, self.count)
 
     @property
@@ -188,7 +189,7 @@ class RangeFinder:
             reason = "too little texture to measure (a plain wall?)"
         elif unstopped and hidden <= HIDDEN_MARGIN * o.stop_mm:
             reason = f"a plain surface could be as near as {hidden:.0f} mm"
-        elif unstopped and out_of_match(match, region, floor_line, self.scale):
+        elif unstopped and self._dense and out_of_match(match, region, floor_line, self.scale):
             reason = "something with texture cannot be matched: it could be very near"
         elif repeats(match, region & ~floor, region, self.count, self.scale):
             reason = "a repeating pattern could be nearer than it seems"
