@@ -44,9 +44,9 @@ def test_a_lane_that_died_is_started_again_and_the_chair_can_drive_again(tmp_pat
         old, killed_ns = rig.pid("front"), time.monotonic_ns()
         os.kill(old, signal.SIGKILL)
         rig.wait(lambda: rig.first_still_after(killed_ns) is not None, "a stop command", 10.0)
-        (rig.run_dir / "no-arm").touch()
         rig.wait(lambda: rig.pid("front") != old, "a new process", 30.0)
         assert any("killed by SIGKILL" in event and "front" in event for event in rig.supervisor.events)
+        rig.wait(rig.driving, "the chair to drive again", 60.0)
 
 
 def test_a_guard_that_is_killed_leaves_the_stop_to_the_controllers_watchdog(tmp_path: Path) -> None:

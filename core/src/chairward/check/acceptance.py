@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from chairward.check.judges import Judge
-from chairward.check.result import Result, curve
+from chairward.check.result import Result, curve, timed
 from chairward.check.stimulus import Stimulus
 from chairward.check.timing import Timing, measure
 from chairward.check.trial import HAND, Trial, TrialError, moves, told
@@ -51,7 +51,6 @@ class Acceptance:
     def steps(self) -> list[tuple[str, Callable[[], Result]]]:
         """Name and step. The last ends the run: it kills the guard."""
         lanes = [lane.name for lane in self.chair.plan.lanes if lane.name != HAND]
-        sensing = [lane.name for lane in self.chair.plan.lanes if lane.covers]
         found: list[tuple[str, Callable[[], Result]]] = [("not armed", self._not_armed)]
         found += [(f"sign: {way}", lambda way=way: self._sign(way)) for way in WAYS]  # type: ignore[misc]
         found += [(f"cap: {way}", lambda way=way: self._cap(way)) for way in WAYS]  # type: ignore[misc]
@@ -59,14 +58,20 @@ class Acceptance:
             (f"obstacle at {mm:g} mm", lambda mm=mm: self._obstacle(mm))  # type: ignore[misc]
             for mm in self.distances_mm
         ]
-        found += [("stop device", self._stop_pressed), ("hand lost", self._hand_lost)]
-        found += [(f"unplugged: {name}", lambda name=name: self._unplugged(name)) for name in sensing]  # type: ignore[misc]
+        devices = self.judge.stop_devices(self.chair)
+        found += [(f"stop device: {name}", lambda name=name: self._stop_pressed(name)) for name in devices]  # type: ignore[misc]
+        found += [("hand lost", self._hand_lost)]
+        found += [(f"unplugged: {name}", lambda name=name: self._unplugged(name)) for name in lanes]  # type: ignore[misc]
         found += [(f"killed: lane {name}", lambda name=name: self._killed(name)) for name in lanes]  # type: ignore[misc]
         return [*found, ("reaction", self._reaction), ("killed: guard", self._guard)]
 
     def run(self, only: Sequence[str] = ()) -> Iterator[Result]:
-        """One result a step; only: those whose names begin so."""
-        for name, step in self.steps():
+        """One result a step; only: those whose names begin so. Raises TrialError where none does."""
+        steps = self.steps()
+        for wanted in only:
+            if not any(name.startswith(wanted) for name, _ in steps):
+                raise TrialError(f"no step begins with '{wanted}'; there are: {', '.join(name for name, _ in steps)}")
+        for name, step in steps:
             if only and not name.startswith(tuple(only)):
                 continue
             last = self.chair.last
@@ -128,7 +133,7 @@ class Acceptance:
         limits = self.chair.plan.limits
         closes = distance_mm <= limits.stop_mm
         stop = Result("", True, "")
-        if closes and self.judge.timed:
+        if closes:
             stop = self._appears(distance_mm)
         else:
             self.judge.place(distance_mm)
@@ -153,31 +158,38 @@ class Acceptance:
         least, largest = distance_mm - WRONG_BY_MM, distance_mm + WRONG_BY_MM
         allowed = limits.caps.forward_mm_s if distance_mm > limits.avoid_mm else limits.avoid_mm_s
         allowed = 0.0 if closes else allowed
-        ok = stop.ok and most <= allowed + 1e-6 and least <= nearest <= largest
+        right = most <= allowed + 1e-6 and least <= nearest <= largest
         return Result(
             "",
-            ok,
+            right and stop.ok,
             f"{stop.found}seen at {nearest} mm, then at most {most:.0f} mm/s",
             f"{stop.allowed}{distance_mm:g} mm ± {WRONG_BY_MM:g}, at most {allowed:g} mm/s",
             picture=picture,
+            late=right and stop.late,
         )
 
     def _appears(self, distance_mm: float) -> Result:
         """At full speed something appears there: when the drive was told to stand, and when it stood, within what the
-        proof of distances reckons with. Told as the beginning of what `_obstacle` tells."""
+        proof of distances reckons with. Told as the beginning of what `_obstacle` tells.
+
+        Nobody knows when a person has put it there: then it counts from the newest picture that made the chair stop.
+        """
         self.chair.drive()
         self.chair.wait(_never, FULL_S)
         driving = self.chair.drive()  # a gap of a busy computer may have stopped it
         placed_ns = time.monotonic_ns()
-        self.judge.place(distance_mm)
-        told_ns = self.chair.must(lambda r: told(r) == STILL, "a stop", 5.0, placed_ns).wrote_ns
+        self.judge.place(distance_mm, driving=True)
+        stopped = self.chair.must(lambda r: told(r) == STILL, "a stop", 5.0, placed_ns)
+        told_ns = stopped.wrote_ns
+        if not self.judge.timed:
+            placed_ns = max([window[-1].captured_ns for window in stopped.facts.ranges.values()], default=placed_ns)
         stands = self.chair.must(lambda r: abs(r.facts.drive.speed_mm_s or 0.0) < 1.0, "standing", 5.0, told_ns)
         told_ms, stood_ms = ((at_ns - placed_ns) / MS for at_ns in (told_ns, stands.wrote_ns))
         limits = self.chair.plan.limits
         tells_ms = limits.reaction_s * 1000.0
         stands_ms = tells_ms + told(driving).drive_mm_s / limits.decel_mm_s2 * 1000.0
-        return Result(
-            "",
+        return timed(
+            True,
             told_ms <= tells_ms and stood_ms <= stands_ms,
             f"told to stop after {told_ms:.0f} ms, stood after {stood_ms:.0f} ms, ",
             f"told within {tells_ms:.0f} ms, standing within {stands_ms:.0f} ms, ",
@@ -189,19 +201,22 @@ class Acceptance:
         self.chair.hand.press(Button.RESET)
         self.chair.wait(lambda r: not r.after.near, 2.0)
 
-    def _stop_pressed(self) -> Result:
-        """The stop device stops at once, and only RESET and ARM make the chair move again."""
+    def _stop_pressed(self, name: str) -> Result:
+        """A stop device stops at once, and only RESET and ARM make the chair move again."""
         self.chair.drive()
         pressed_ns = time.monotonic_ns()
-        self.chair.hand.press(Button.STOP)
+        self.judge.press_stop(self.chair, name)
+        pressed = self.chair.must(lambda r: _presses_stop(r, name), f"STOP at '{name}'", 3.0, pressed_ns)
         stopped = self.chair.must(lambda r: told(r) == STILL, "a stop", 3.0, pressed_ns)
         again = self.chair.wait(lambda r: told(r) != STILL, 1.0)
         self.chair.stand()
-        took = (stopped.wrote_ns - pressed_ns) / MS
-        ok = again is None and stopped.told_hard and took <= MACHINE_MS
+        took = (stopped.wrote_ns - (pressed_ns if self.judge.timed else pressed.facts.now_ns)) / MS
         found = f"{took:.0f} ms, {'hard stop' if stopped.told_hard else 'no hard stop'}"
-        return Result(
-            "", ok, found if again is None else f"{found}, then it moved again", f"{MACHINE_MS:g} ms, latched"
+        return timed(
+            again is None and stopped.told_hard,
+            took <= MACHINE_MS,
+            found if again is None else f"{found}, then it moved again",
+            f"{MACHINE_MS:g} ms, latched",
         )
 
     def _hand_lost(self) -> Result:
@@ -212,7 +227,7 @@ class Acceptance:
         stopped = self.chair.must(lambda r: told(r) == STILL, "a stop", 3.0, let_go_ns)
         took = (stopped.wrote_ns - let_go_ns) / MS
         allowed = self.chair.plan.limits.held_ns / MS + MACHINE_MS
-        return Result("", took <= allowed, f"{took:.0f} ms", f"{allowed:.0f} ms")
+        return timed(True, took <= allowed, f"{took:.0f} ms", f"{allowed:.0f} ms")
 
     def _unplugged(self, lane: str) -> Result:
         """A device that is gone stops the chair, by name; when it is there again, RESET and ARM let it drive."""
@@ -247,21 +262,25 @@ class Acceptance:
         by_age: a person took it away, nobody knows when: it counts from the last thing that the lane has said.
         """
         stopped = self.chair.must(lambda r: told(r) == STILL, "a stop", 5.0, gone_ns)
-        said = [w[-1].captured_ns for name, w in stopped.facts.ranges.items() if name.partition("/")[0] == lane]
+        facts = stopped.facts
+        newest = {name: window[-1] for name, window in facts.ranges.items()} | {**facts.alive} | {**facts.vetoes}
+        said = [report.captured_ns for name, report in newest.items() if name.partition("/")[0] == lane]
         took = (stopped.wrote_ns - (max(said) if by_age and said else gone_ns)) / MS
         plan = next(one for one in self.chair.plan.lanes if one.name == lane)
         allowed = plan.freshness_ns / MS + MACHINE_MS
         named = any(why.source.partition("/")[0] == lane for why in stopped.decision.reasons)
         named = named or lane in stopped.decision.latch
         found = f"{took:.0f} ms, {'named' if named else 'not named: ' + self.chair.why()}"
-        return Result("", named and took <= allowed, found, f"{allowed:.0f} ms, named")
+        return timed(named, took <= allowed, found, f"{allowed:.0f} ms, named")
 
     def _reaction(self) -> Result:
         """From glass to wire, within what the proof of distances reckons with."""
-        self.timing = measure(self.chair, self.stimulus, self.times)
-        limits = self.chair.plan.limits
-        allowed = limits.reaction_s * 1000.0
-        return Result("", self.timing.longest_ms <= allowed, str(self.timing), f"{allowed:.0f} ms")
+        try:
+            self.timing = measure(self.chair, self.stimulus, self.times)
+        finally:
+            self.stimulus.close()
+        allowed = self.chair.plan.limits.reaction_s * 1000.0
+        return timed(True, self.timing.longest_ms <= allowed, str(self.timing), f"{allowed:.0f} ms")
 
     def _guard(self) -> Result:
         """The controller stops by itself when the guard is gone; this ends the run."""
@@ -280,7 +299,7 @@ class Acceptance:
         if not self.judge.timed:
             return Result("", not turning, turning or "the wheels stand", "the wheels stand")
         found = f"no drive at the wheels after {took:.0f} ms"
-        return Result("", not turning and took <= allowed, found, f"{allowed:.0f} ms")
+        return timed(not turning, took <= allowed, found, f"{allowed:.0f} ms")
 
     def _since(self) -> list[Record]:
         return [record for record in list(self.chair.records) if record.tick >= self._from]
@@ -289,6 +308,10 @@ class Acceptance:
 def _near(record: Record, distance_mm: float) -> bool:
     nearest = record.decision.nearest_mm
     return nearest is not None and abs(nearest - distance_mm) <= WRONG_BY_MM
+
+
+def _presses_stop(record: Record, name: str) -> bool:
+    return any(pressed.button is Button.STOP and pressed.source == name for pressed in record.facts.pressed)
 
 
 def _never(_: Record) -> bool:

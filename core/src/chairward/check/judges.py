@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 from chairward.check.stimulus import SimulatedObstacle, Stimulus
-from chairward.check.trial import Trial
-from chairward.messages import Command
+from chairward.check.trial import HAND_SOURCE, Trial
+from chairward.messages import Button, Command
 
 TURNING = 0.02
 
@@ -25,8 +25,14 @@ class Judge(Protocol):
     def turns(self, chair: Trial, way: Command) -> str:
         """Which way the wheels turn now ("" for nothing), while `way` is held."""
 
-    def place(self, distance_mm: float) -> None:
-        """Put an obstacle so far ahead of the footprint."""
+    def place(self, distance_mm: float, *, driving: bool = False) -> None:
+        """Put an obstacle so far ahead of the footprint, while the wheels turn or while they stand."""
+
+    def stop_devices(self, chair: Trial) -> list[str]:
+        """The stop devices that are tried, by name."""
+
+    def press_stop(self, chair: Trial, name: str) -> None:
+        """Press that one."""
 
     def clear(self) -> None:
         """Take it away."""
@@ -60,9 +66,20 @@ class Simulated:
             return Command.FRONT if drive > 0.0 else Command.BACK
         return Command.LEFT if steer > 0.0 else Command.RIGHT
 
-    def place(self, distance_mm: float) -> None:
+    def place(self, distance_mm: float, *, driving: bool = False) -> None:
         """Somebody stands there."""
+        del driving
         self._obstacle.show(distance_mm)
+
+    def stop_devices(self, chair: Trial) -> list[str]:
+        """The hand of the check; nobody presses the others."""
+        del chair
+        return [HAND_SOURCE]
+
+    def press_stop(self, chair: Trial, name: str) -> None:
+        """By that hand."""
+        del name
+        chair.hand.press(Button.STOP)
 
     def clear(self) -> None:
         """Nobody does."""
@@ -91,9 +108,19 @@ class Asked:
         answer = self._ask("Which way would the chair go now?", ("front", "back", "left", "right", "nothing"))
         return "" if answer == "nothing" else answer
 
-    def place(self, distance_mm: float) -> None:
+    def place(self, distance_mm: float, *, driving: bool = False) -> None:
         """A box on the floor."""
-        self._ask(f"Put a box {distance_mm:g} mm ahead of the feet, in the middle.", ("done",))
+        now = "NOW, while the wheels turn, push" if driving else "Put"
+        self._ask(f"{now} a box to {distance_mm:g} mm ahead of the feet, in the middle.", ("done",))
+
+    def stop_devices(self, chair: Trial) -> list[str]:
+        """Every one of the chair's own."""
+        return [name for name in chair.plan.limits.stop_devices if name != HAND_SOURCE]
+
+    def press_stop(self, chair: Trial, name: str) -> None:
+        """By hand."""
+        del chair
+        self._ask(f"Press STOP at '{name}' now, while the wheels turn.", ("done",))
 
     def clear(self) -> None:
         """And away."""

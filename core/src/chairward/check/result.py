@@ -22,7 +22,10 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """One step: what was found, what is allowed. picture: what the camera saw, PNG."""
+    """One step: what was found, what is allowed. picture: what the camera saw, PNG.
+
+    late: all that is wrong is that it took longer than is allowed.
+    """
 
     step: str
     ok: bool
@@ -30,6 +33,12 @@ class Result:
     allowed: str = ""
     curve: Curve | None = None
     picture: bytes | None = None
+    late: bool = False
+
+
+def timed(right: bool, in_time: bool, found: str, allowed: str) -> Result:
+    """A step that has to be right, and in time."""
+    return Result("", right and in_time, found, allowed, late=right and not in_time)
 
 
 def curve(records: Sequence[Record], *, turns: bool) -> Curve:

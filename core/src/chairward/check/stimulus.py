@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import random
 import time
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
+from chairward.check.trial import TrialError
 from chairward.shared_state import SharedState
 
 FILE = "stimulus"
@@ -62,10 +64,21 @@ class FlashedScreen:
     method = "a screen that flashes before the cameras"
 
     def __init__(self) -> None:
-        import random
-        import tkinter
+        self._root: Any = None
+        self._canvas: Any = None
 
-        self._root = tkinter.Tk()
+    def _open(self) -> None:
+        """The window, when it is needed first: until then the screen is whoever answers questions there's."""
+        if self._root is not None:
+            return
+        try:
+            import tkinter
+
+            self._root = tkinter.Tk()
+        except ImportError as error:
+            raise TrialError(f"{self.method}: Python has no tkinter here ({error}): install python3-tk") from error
+        except tkinter.TclError as error:
+            raise TrialError(f"{self.method}: no screen ({error}): start it in a desktop, or set DISPLAY") from error
         self._root.attributes("-fullscreen", True)
         self._canvas = tkinter.Canvas(self._root, background="black", highlightthickness=0)
         self._canvas.pack(fill="both", expand=True)
@@ -76,20 +89,23 @@ class FlashedScreen:
             grey = chance.randrange(256)
             colour = f"#{grey:02x}{grey:02x}{grey:02x}"
             self._canvas.create_rectangle(x, y, x + side, y + side, fill=colour, outline="", tags="pattern")
-        self.hide()
 
     def show(self, distance_mm: float) -> int:
-        """Black: blind from now on."""
+        """Black: blind from now on. Raises TrialError where there is no screen."""
         del distance_mm
+        self._open()
         self._canvas.itemconfigure("pattern", state="hidden")
         self._root.update()
         return time.monotonic_ns()
 
     def hide(self) -> None:
-        """The pattern again."""
+        """The pattern again. Raises TrialError where there is no screen."""
+        self._open()
         self._canvas.itemconfigure("pattern", state="normal")
         self._root.update()
 
     def close(self) -> None:
         """Close the window."""
-        self._root.destroy()
+        if self._root is not None:
+            self._root.destroy()
+            self._root = None

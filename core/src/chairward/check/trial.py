@@ -32,8 +32,9 @@ from chairward.supervisor import Supervisor
 HAND = "check"
 """The lane of the hand; its one component is check_hand."""
 SOURCE = "check_hand"
+HAND_SOURCE = f"{HAND}/{SOURCE}"
 FRESH_NS = 400 * MS
-START_S, ARM_S = 240.0, 20.0
+START_S, ARM_S, TELL_S = 240.0, 20.0, 5.0
 KEPT = 30_000
 MOVING_MM_S = 20.0
 
@@ -44,7 +45,7 @@ class TrialError(Exception):
 
 def on_trial(plan: Plan) -> Plan:
     """The plan with the hand: it may ask for motion and press buttons, and the chair stops when it lets go."""
-    votes = {f"{HAND}/{SOURCE}": SourceLimits(freshness_ns=FRESH_NS)}
+    votes = {HAND_SOURCE: SourceLimits(freshness_ns=FRESH_NS)}
     limits = plan.limits
     return replace(
         plan,
@@ -121,7 +122,12 @@ class Trial:
             return "nothing was decided"
         decision = self.last.decision
         held = [" ".join(filter(None, (r.rule, r.source, r.detail))) for r in decision.reasons]
-        return "; ".join(filter(None, (decision.latch, *decision.notes, *held))) or "nothing holds it"
+        return "; ".join(dict.fromkeys(filter(None, (decision.latch, *decision.notes, *held)))) or "nothing holds it"
+
+    def awaited(self) -> str:
+        """What it waits for before it can start: the devices that are not there, or what else holds it."""
+        lost = self.last.facts.lost if self.last is not None and self.error is None else {}
+        return "; ".join(f"{lane}: {sentence}" for lane, sentence in lost.items()) or self.why()
 
     def arm(self) -> None:
         """RESET and ARM until the controller is armed, standing. Raises TrialError."""
@@ -206,9 +212,21 @@ def _complete(record: Record) -> bool:
     return record.tick > 50 and not any(why.rule == "freshness" for why in record.decision.reasons)
 
 
+def _start(it: Trial, tell: Callable[[str], None]) -> None:
+    """Wait until every lane has spoken. Raises TrialError."""
+    end = time.monotonic() + START_S
+    while it.wait(_complete, TELL_S) is None:
+        if it.over or time.monotonic() > end:
+            raise TrialError(f"the chair did not start within {START_S:g} s: {it.awaited()}")
+        tell(f"waiting for the chair to start: {it.awaited()}")
+
+
 @contextmanager
-def trial(plan: Plan) -> Iterator[Trial]:
-    """Start the chair, wait until every lane has spoken, and end it all. Raises TrialError."""
+def trial(plan: Plan, tell: Callable[[str], None] = lambda _: None) -> Iterator[Trial]:
+    """Start the chair, wait until every lane has spoken, and end it all. tell: what it waits for, every few seconds.
+
+    Raises TrialError.
+    """
     run_dir = Path(tempfile.mkdtemp(prefix="chairward-check-"))
     with hand(run_dir) as the_hand:
         whole = on_trial(plan)
@@ -227,7 +245,7 @@ def trial(plan: Plan) -> Iterator[Trial]:
         thread = threading.Thread(target=work, name="supervisor")
         thread.start()
         try:
-            it.must(_complete, "a start", START_S)
+            _start(it, tell)
             yield it
         finally:
             it.supervisor.stop("the check is over")

@@ -42,7 +42,7 @@ def chair(
     person: Person = None,
     report: Annotated[Path, typer.Option(help="where the report goes (HTML)")] = Path("acceptance.html"),
     by: Annotated[str, typer.Option(help="who makes the run, for the report")] = "",
-    at_mm: Annotated[list[float] | None, typer.Option(help="distances at which an obstacle is placed")] = None,
+    at_mm: Annotated[list[float] | None, typer.Option(min=1.0, help="distances at which an obstacle is placed")] = None,
     times: Annotated[int, typer.Option(min=1, max=200, help="how often the reaction is measured")] = 10,
     only: Annotated[list[str] | None, typer.Option(help="only the steps whose names begin so")] = None,
     yes: Yes = False,
@@ -53,6 +53,8 @@ def chair(
     The simulated chair is tried by itself; on any other, what cannot be seen from here is asked.
     """
     console = Console(stderr=as_json)
+    if not report.parent.is_dir():
+        _fail(ValueError(f"--report {report}: there is no folder {report.parent}: make it first"))
     results: list[Result] = []
     timing: Timing | None = None
     with _on_trial(chair, person, yes=yes) as (it, plan, judge, stimulus, watchdog_ms):
@@ -69,7 +71,7 @@ def chair(
     report.write_text(html(plan, results, timing, head), encoding="utf-8")
     passed = bool(results) and all(result.ok for result in results)
     if as_json:
-        steps = [{"step": r.step, "ok": r.ok, "found": r.found, "allowed": r.allowed} for r in results]
+        steps = [{"step": r.step, "ok": r.ok, "found": r.found, "allowed": r.allowed, "late": r.late} for r in results]
         typer.echo(json.dumps({"passed": passed, "steps": steps, "report": str(report)}, indent=1))
     else:
         typer.echo(f"{'passed' if passed else 'NOT passed'}; report: {report}")
@@ -137,7 +139,7 @@ def _on_trial(chair: str, person: str | None, *, yes: bool) -> Iterator[tuple[Tr
             _fail(ValueError("this moves the wheels: say --yes once they are off the ground"))
         typer.confirm("This moves the wheels. Are they off the ground, and is the hardware stop in reach?", abort=True)
     try:
-        with trial(plan) as it:
+        with trial(plan, lambda text: typer.echo(text, err=True)) as it:
             judge: Judge
             stimulus: Stimulus
             if real:
