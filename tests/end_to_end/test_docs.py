@@ -6,6 +6,7 @@ import html
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -14,30 +15,45 @@ from typing import Any
 
 import pytest
 import typer.main
+from typer.testing import CliRunner
 
 from chairward.cli import app as cli
 from chairward.plugins import discover
+from chairward_voice_dtw.audio import read_wav
+from chairward_voice_dtw.store import WordStore
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [*ROOT.glob("docs/*.md"), *ROOT.glob("plugins/*/README.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+WORDS = ROOT / "plugins/simulator/src/chairward_simulator/words"
 PREFIX = re.compile(r"^\s*(?:\./run chairward|chairward) (?P<rest>\S.*)$")
 
 ELSEWHERE = {
     "plugins grade": "tests/end_to_end/test_third_party.py",
     "check drive": "tests/core/check",
-    "profile new": "tests/core/profile/test_profile_cli.py",
     "run --chair files": "tests/end_to_end/test_recorded_input.py",
     "run --chair screen": "tests/plugins/dashboard/test_dashboard_chair.py",
     "run --chair prototype": "tests/end_to_end/test_sentences.py",
     "demo --headless --for 60s": "tests/end_to_end/test_demo.py",
-    "can monitor": "tests/plugins/drive_can",
+    "can monitor --interface": "tests/plugins/drive_can",
     "sim rnet": "tests/plugins/drive_can",
-    "pic monitor": "tests/plugins/drive_pic_serial",
+    "pic monitor PORT": "tests/plugins/drive_pic_serial",
     "sim pic": "tests/plugins/drive_pic_serial",
-    "words": "tests/plugins/voice_dtw",
-    "new-plugin": "tests/end_to_end/test_third_party.py",
+    "words record": "tests/plugins/voice_dtw",
+    "words evaluate": "tests/plugins/voice_dtw",
 }
-"""Commands that need a device or minutes: which test runs them."""
+"""Commands that need a device, or minutes, or never end: which test runs them."""
+TYPED = {
+    "profile check NAME... | --all": "profile check --all",
+    "profile show CHAIR [PERSON]": "profile show sim demo",
+    "profile schema chair|person": "profile schema person",
+    "pic monitor PORT [--record FILE]": "pic monitor PORT --record FILE",
+    "sim pic [--engine model|gpsim] [--link PATH]": "sim pic --engine gpsim --link PATH",
+    "profile new person NAME": "profile new person maria",
+    "profile new chair NAME": "profile new chair hers",
+}
+"""What is said in general terms, as somebody would type it."""
+AT_ONCE = ("words", "profile", "pic monitor", "can monitor", "new-plugin")
+"""Commands that only read and write files: run in this process, the others in one of their own."""
 NOT_ZERO = {
     "doctor --chair prototype": 1,
     "demo --set limits.stop_mm=500": 2,
@@ -60,15 +76,6 @@ def written() -> list[str]:
 COMMANDS = written()
 
 
-def is_notation(line: str) -> bool:
-    """Usage in general terms ([PERSON], chair|person), not a command as somebody would type it."""
-    return bool(re.search(r"[|\[]|\.\.\.", line))
-
-
-def words_of(line: str) -> list[str]:
-    return [word for word in shlex.split(line) if not re.search(r"[|\[\]]|\.\.\.", word)]
-
-
 @pytest.fixture(scope="module")
 def root_command() -> Any:
     cli.add_plugin_commands(discover())
@@ -76,18 +83,52 @@ def root_command() -> Any:
 
 
 @pytest.mark.parametrize("line", COMMANDS)
-def test_every_command_in_the_docs_exists_with_its_options(line: str, root_command: Any) -> None:
-    command, words = root_command, words_of(line)
+def test_every_command_in_the_docs_exists_with_all_it_needs_and_no_option_it_lacks(
+    line: str, root_command: Any
+) -> None:
+    command, words = root_command, shlex.split(TYPED.get(line, line))
     while words and words[0] in getattr(command, "commands", {}):
         command = command.commands[words.pop(0)]
     assert command is not root_command, f"no such command: {line}"
-    known = {option for parameter in command.params for option in [*parameter.opts, *parameter.secondary_opts]}
-    used = {word.split("=")[0] for word in words if word.startswith("--")}
-    assert used <= known | {"--help"}, f"{line}: no option {sorted(used - known)}"
+    if words != ["--help"]:
+        command.make_context(line, words)  # raises for an unknown option and for a missing one
 
 
 def runs_here(line: str) -> bool:
-    return (not is_notation(line) and not any(line.startswith(start) for start in ELSEWHERE)) or line.endswith("--help")
+    return line.endswith("--help") or not any(line.startswith(start) for start in ELSEWHERE)
+
+
+@pytest.fixture
+def place(tmp_path: Path, request: pytest.FixtureRequest) -> Callable[[str], list[str]]:
+    """What a word of a page stands for on this machine."""
+    say, taught = (sorted(WORDS.glob(f"{folder}/left_*.wav")) for folder in ("say", "templates"))
+    seen, exchange = tmp_path / "seen.log", tmp_path / "exchange.txt"
+    seen.write_text("(1763800000.000000) can0 02000000#6400\n")
+    exchange.write_text("0.1 < 00\n")
+    places = {
+        "SOMEWHERE": [str(tmp_path)],
+        "home.png": [str(tmp_path / "home.png")],
+        "seen.log": [str(seen)],
+        "FILE": [str(exchange)],
+        "try.wav": [str(say[0])],
+        "left_*.wav": [str(path) for path in taught],
+    }
+
+    def stands_for(word: str) -> list[str]:
+        if word == "FILE.mcap":
+            return [str(request.getfixturevalue("recording"))]
+        return places.get(word, [word])
+
+    return stands_for
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A home in which asha has recorded two words, and profiles of one's own."""
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    store = WordStore(tmp_path / "chairward" / "people" / "asha")
+    for word in ("left", "stop"):
+        store.replace(word, [read_wav(path)[0] for path in sorted(WORDS.glob(f"templates/{word}_*.wav"))])
 
 
 @pytest.fixture(scope="module")
@@ -99,12 +140,11 @@ def recording(tmp_path_factory: pytest.TempPathFactory, command: Callable[..., A
 
 
 @pytest.mark.timeout(240)
-@pytest.mark.parametrize("line", [line for line in COMMANDS if runs_here(line)])
+@pytest.mark.parametrize("line", [line for line in COMMANDS if runs_here(line) and not line.startswith(AT_ONCE)])
 def test_commands_in_the_docs_do_what_is_said(
-    line: str, command: Callable[..., Any], recording: Path, tmp_path: Path
+    line: str, command: Callable[..., Any], place: Callable[[str], list[str]]
 ) -> None:
-    places = {"FILE.mcap": str(recording), "SOMEWHERE": str(tmp_path), "home.png": str(tmp_path / "home.png")}
-    words = [places.get(word, word) for word in shlex.split(line)]
+    words = [typed for word in shlex.split(line) for typed in place(word)]
     if words[0] == "demo" and "--help" not in words:
         words = [word for word in words if word not in ("--headless", "--json")]
         if "--for" in words:
@@ -114,6 +154,19 @@ def test_commands_in_the_docs_do_what_is_said(
     expected = next((code for start, code in NOT_ZERO.items() if line.startswith(start)), 0)
     assert expected is None or ended.code == expected, f"{line}: {ended.code}: {ended.err[-2000:]}{ended.out[-500:]}"
     assert "Traceback" not in ended.err
+
+
+@pytest.mark.timeout(240)
+@pytest.mark.parametrize("line", [line for line in COMMANDS if runs_here(line) and line.startswith(AT_ONCE)])
+@pytest.mark.usefixtures("root_command", "home")
+def test_commands_about_files_do_what_is_said(
+    line: str, place: Callable[[str], list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = [typed for word in shlex.split(TYPED.get(line, line)) for typed in place(word)]
+    if words[:2] == ["profile", "new"]:
+        monkeypatch.setenv("CHAIRWARD_PROFILES", str(shutil.copytree(ROOT / "profiles", tmp_path / "profiles")))
+    ended = CliRunner().invoke(cli.app, words)
+    assert ended.exit_code == 0, f"{line}: {ended.output[-2000:]} {ended.exception}"
 
 
 def test_commands_that_are_run_elsewhere_are_run_there() -> None:
