@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -13,13 +14,16 @@ from msgspec.structs import replace
 from typer.testing import CliRunner
 
 from chairward import plan, profile, records
+from chairward.arbiter import decide
 from chairward.cli.app import app
 from chairward.components import Context
-from chairward.facts import Limits
+from chairward.facts import Facts, Limits, State
 from chairward.plugins import discover
 from chairward.recording import Recorder, RecorderSettings, read, read_plan, tools
+from chairward.recording.read import entries
+from chairward.recording.redact import redact
 from chairward.replay import CHUNKS_WORTH_A_CORE, replay
-from chairward.testing.ride import Ride, chair_limits
+from chairward.testing.ride import FRONT, PANEL, VOICE, Ride, chair_limits
 from chairward.what_if import compare
 
 LIMITS = chair_limits()
@@ -59,9 +63,9 @@ def drive_at_a_wall(limits: Limits, count: int) -> list[records.Record]:
     return made
 
 
-def kept(folder: Path, made: list[records.Record], every: int = 0) -> Path:
-    """As the recorder keeps them; every: end a chunk after so many, as time would."""
-    base = profile.load("sim", None, [], discover())
+def kept(folder: Path, made: list[records.Record], every: int = 0, base: plan.Plan | None = None) -> Path:
+    """As the recorder keeps them; every: end a chunk after so many, as time would. base: the chair, "sim" if none."""
+    base = base or profile.load("sim", None, [], discover())
     plan.write(dataclasses.replace(base, limits=LIMITS), folder / "plan.json")
     it = Recorder(RecorderSettings(path=Path("r.mcap")), Context(lane="r", run_dir=folder, chair_dir=folder))
     for nth, record in enumerate(made):
@@ -157,7 +161,7 @@ def test_export_gives_a_row_for_every_decision(recording: Path, tmp_path: Path) 
 
 def test_a_redacted_copy_tells_nobody_s_words_and_replays_bit_for_bit(recording: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy.mcap"
-    assert tools.redact(recording, copy) == 1200
+    assert redact(recording, copy) == 1200
     found = replay(copy, read_plan(copy).limits)
     assert (found.decisions, found.differences) == (1200, [])
     assert any(wish.word == "vorwärts" for record in read(recording) for wish in record.facts.heard)
@@ -166,4 +170,58 @@ def test_a_redacted_copy_tells_nobody_s_words_and_replays_bit_for_bit(recording:
     named = read_plan(copy)
     assert (named.person, named.words, named.person_file) == ("somebody", {}, "")
     with pytest.raises(FileExistsError, match="is there already"):
-        tools.redact(recording, copy)
+        redact(recording, copy)
+
+
+def told_of_places(tick: int, facts: Facts) -> Facts:
+    """Devices and folders of a person "demo", in every text that a fact can have."""
+    port, home = "/dev/serial/by-path/pci-0000:00:14.0-usb-0:1.2:1.0", "/home/anna maria/words.json"
+    if tick == 3:
+        return replace(facts, refused={VOICE: f"{home}: not a message ({port})"})
+    if tick == 5:
+        alive = replace(facts.alive[VOICE], well=False, reason=f"demo has no stop word in {home}")
+        return replace(facts, alive={**facts.alive, VOICE: alive})
+    if tick == 7:
+        blind = tuple(replace(one, can_see=False, reason=f"{port} is 'the red one'") for one in facts.ranges[FRONT])
+        return replace(facts, ranges={**facts.ranges, FRONT: blind})
+    if tick == 9:
+        return replace(facts, lost={PANEL: f"terminal /dev/pts/7 is gone ({port}): plug it in again"})
+    if 11 <= tick < 15:
+        return replace(facts, drive=replace(facts.drive, linked=False, fault=f"serial port {port} cannot be opened"))
+    return facts
+
+
+def test_a_redacted_copy_has_no_path_and_no_name_in_any_text_and_replays_bit_for_bit(tmp_path: Path) -> None:
+    from chairward.messages import Button, Command
+
+    base = profile.load("sim", None, [], discover())
+    drive = dataclasses.replace(base.drive, settings={**base.drive.settings, "log": "/home/anna maria/words.json"})
+    ride, state, made = Ride(limits=LIMITS), State(), []
+    for tick in range(20):
+        words = [ride.wish(Command.RESET, word="zurück")] if tick == 16 else []
+        press = [Button.RESET] if tick in (0, 17) else [Button.ARM] if tick == 2 else []
+        ride.tick(*words, press=press)
+        assert ride._facts is not None
+        facts = told_of_places(tick, ride._facts)
+        after, decision = decide(state, facts, LIMITS)
+        now = facts.now_ns
+        stamps = {"due_ns": now, "woke_ns": now, "wrote_ns": now, "periodic": True}
+        made.append(records.Record(tick=tick, **stamps, before=state, facts=facts, after=after, decision=decision))
+        state = after
+    path, copy = kept(tmp_path, made, base=dataclasses.replace(base, drive=drive)), tmp_path / "copy.mcap"
+    secret = re.compile(rb"(?<![\w/])/\w|demo|maria|zur|14.0|red one")
+    before = b"".join(entry.data for entry in entries(path))
+    assert {bytes(found) for found in secret.findall(before)} >= {
+        b"/d",
+        b"/h",
+        b"demo",
+        b"maria",
+        b"zur",
+        b"red one",
+        b"14.0",
+    }
+    assert redact(path, copy) == 20
+    found = replay(copy, read_plan(copy).limits)
+    assert (found.decisions, found.differences) == (20, [])
+    assert [hit for entry in entries(copy) for hit in secret.findall(entry.data)] == []
+    assert any("serial port … cannot be opened" in record.decision.latch for record in read(copy))

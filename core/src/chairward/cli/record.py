@@ -11,6 +11,7 @@ import typer
 from mcap.exceptions import McapError
 
 from chairward.recording import tools
+from chairward.recording.redact import redact as redacted
 
 app = typer.Typer(
     name="record", no_args_is_help=True, help="Look into recordings, take them apart, make them fit to give away."
@@ -65,9 +66,13 @@ def export(
 
 @app.command()
 def redact(file: File, to: Annotated[Path, typer.Argument(help="the copy; must not be there yet")]) -> None:
-    """Copy a recording without pictures, words, names and folders; its decisions can still be replayed bit for bit."""
+    """Copy a recording without pictures, words, the person's name and any path; it replays bit for bit all the same.
+
+    In every text "…" stands for a path, a name, and whatever was in quotes. What the chair, its lanes and components
+    are called stays.
+    """
     try:
-        count = tools.redact(file, to)
+        count = redacted(file, to)
     except (OSError, McapError) as error:
         _fail(error)
-    typer.echo(f"{to}: {count} decisions, without pictures, words, names and folders")
+    typer.echo(f"{to}: {count} decisions, without pictures, words, the person's name and any path")

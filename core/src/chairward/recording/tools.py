@@ -1,30 +1,20 @@
-"""What can be done with a recording: look into it, take tables and pictures out of it, make it fit to be given away."""
+"""What can be done with a recording: look into it, take tables and pictures out of it."""
 
 from __future__ import annotations
 
 import base64
 import csv
-import dataclasses
 import json
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-import msgspec
-from msgspec.structs import replace
-
 from chairward import records
 from chairward.facts import S
-from chairward.plan import Plan
-from chairward.recording.read import Entry, entries, read, read_plan
-from chairward.recording.readable import Readable
+from chairward.recording.read import entries, read_plan
 from chairward.recording.topics import LOG, PICTURES, PINS, PLAN, RECORDS, TOPICS
-from chairward.recording.write import Part
-from chairward.records import Record
 
-SOMEBODY = "somebody"
 Format = Literal["csv", "jsonl"]
 
 
@@ -97,66 +87,3 @@ def export(path: Path, folder: Path, form: Format) -> list[Path]:
                 writer.writerows(table)
         written.append(target)
     return sorted(written)
-
-
-def redact(path: Path, target: Path) -> int:
-    """A copy without pictures, without what was said in the person's own words, and without names and folders.
-
-    Its decisions are the same, bit for bit: no rule looks at a word. Returns the records kept. Raises OSError,
-    McapError; a file that is there already is not overwritten.
-    """
-    if target.exists():
-        raise FileExistsError(f"{target}: is there already and was not touched: choose another name")
-    plan = _nameless(read_plan(path))
-    at = next((entry.at_ns for entry in entries(path, PLAN)), 0)
-    part, readable, count = Part(target, msgspec.json.encode(plan), at), Readable(), 0
-    try:
-        for entry, record in _records(path):
-            quiet = _wordless(record)
-            part.add(RECORDS, entry.at_ns, records.encode(quiet), record.tick % 2**32)
-            for topic, message in readable.of(quiet, entry.at_ns):
-                part.add(topic, entry.at_ns, msgspec.json.encode(message), record.tick % 2**32)
-            count += 1
-    finally:
-        part.close()
-    return count
-
-
-def _records(path: Path) -> Iterator[tuple[Entry, Record]]:
-    return zip(entries(path, RECORDS), read(path), strict=True)
-
-
-def _nameless(plan: Plan) -> Plan:
-    """The plan with what replay needs, and nothing that says whose it is."""
-    return dataclasses.replace(
-        plan,
-        person=SOMEBODY,
-        person_file="",
-        person_dir="",
-        chair_file=Path(plan.chair_file).name,
-        words={},
-        lanes=tuple(
-            dataclasses.replace(lane, source=_bare(lane.source), stages=tuple(map(_bare, lane.stages)))
-            for lane in plan.lanes
-        ),
-        companions={},
-        observers={},
-        drive=_bare(plan.drive),
-        recorder=_bare(plan.recorder),
-    )
-
-
-def _bare(part: Any) -> Any:
-    """A component without its settings: they name devices and folders."""
-    return dataclasses.replace(part, settings={})
-
-
-def _wordless(record: Record) -> Record:
-    """Commands stay, the words for them go."""
-    facts = replace(record.facts, heard=tuple(replace(wish, word="") for wish in record.facts.heard))
-
-    def still(state: Any) -> Any:
-        quiet = {key: replace(wish, word="") for key in ("wish", "base") if (wish := getattr(state, key)) is not None}
-        return replace(state, **quiet)
-
-    return replace(record, before=still(record.before), facts=facts, after=still(record.after))
