@@ -67,8 +67,8 @@ def test_a_guard_that_is_stopped_leaves_the_stop_to_the_watchdog_and_does_not_sa
             pins_off_within(rig, WATCHDOG_S + BUSY_MACHINE_S)
             (rig.run_dir / "no-arm").touch()
         finally:
+            continued_ns = time.monotonic_ns()  # before: its first decision comes at once
             os.kill(pid, signal.SIGCONT)
-        continued_ns = time.monotonic_ns()
         rig.wait(lambda: rig.records[-1].facts.now_ns > continued_ns + 1_000 * MS, "the guard to go on", 30.0)
         assert all(r.decision.motion == (0.0, 0.0) for r in rig.records if r.facts.now_ns > continued_ns)
         said = rig.reasons(continued_ns)
