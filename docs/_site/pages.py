@@ -28,6 +28,16 @@ def sources() -> dict[str, Path]:
     return {**pages, "contributing.md": ROOT / "CONTRIBUTING.md", "changelog.md": ROOT / "CHANGELOG.md"}
 
 
+REFERENCE = {
+    ROOT / "core/src/chairward/hookspecs.py": "reference/hooks.md",
+    ROOT / "core/src/chairward/components.py": "reference/hooks.md",
+    ROOT / "core/src/chairward/messages.py": "reference/messages.md",
+    ROOT / "core/src/chairward/testing": "reference/contracts.md",
+    ROOT / "benchmarks/results": "reference/performance.md",
+}
+"""What a reference page is made from -> the page: a link to the one leads to the other on the site."""
+
+
 def on_config(config: Any) -> Any:
     """Fill in the list of plugins."""
     for entry in config["nav"]:
@@ -56,7 +66,7 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
     """Turn links from where they point in the checkout to where their target is on the site."""
     del config
     here = sources().get(page.file.src_uri, ROOT / "docs" / page.file.src_uri)
-    targets = {path: site for site, path in sources().items()}
+    targets = REFERENCE | {path: site for site, path in sources().items()}
 
     def turned(found: re.Match[str]) -> str:
         picture, text, target, anchor = found[1], found[2], found[3], found[4] or ""

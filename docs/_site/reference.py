@@ -172,13 +172,18 @@ def cell(text: str) -> str:
     return " ".join(text.replace("|", "\\|").split())
 
 
-def every_name(registry: Registry) -> list[str]:
-    """What must be found in the docs: hooks, settings, commands, message fields."""
-    names = [name for name in vars(hookspecs) if name.startswith("chairward_")]
+def every_name(registry: Registry) -> Iterator[tuple[str, str, str]]:
+    """What must be found in the reference, as (page, section, name): hooks, settings, message fields, commands."""
+    for name in vars(hookspecs):
+        if name.startswith("chairward_"):
+            yield "hooks", "", name
     for kind in KINDS:
         for component in registry.components[kind].values():
-            names += [component.name, *component.settings.model_fields]
+            for name in component.settings.model_fields:
+                yield "settings", f"{kind} {component.name}", name
     for struct in [thing for thing in vars(messages).values() if is_message(thing)]:
-        names += [struct.__name__, *(field.name for field in msgspec.structs.fields(struct))]
-    root = typer.main.get_command(cli.app)
-    return names + [" ".join(path) for path, command in walk(root, ("chairward",)) if not subcommands(command)]
+        for field in msgspec.structs.fields(struct):
+            yield "messages", struct.__name__, field.name
+    for path, command in walk(typer.main.get_command(cli.app), ("chairward",)):
+        if not subcommands(command):
+            yield "commands", " ".join(path), " ".join(path)

@@ -12,11 +12,13 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import pytest
 import typer.main
 from typer.testing import CliRunner
 
+from chairward import hookspecs
 from chairward.cli import app as cli
 from chairward.plugins import discover
 from chairward_voice_dtw.audio import read_wav
@@ -175,6 +177,12 @@ def test_commands_that_are_run_elsewhere_are_run_there() -> None:
         assert any(line.startswith(start) for line in COMMANDS), f"'{start}' is in no page any more"
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_every_link_of_a_page_leads_somewhere_in_the_checkout(page: Path) -> None:
+    links = re.findall(r"\]\(([^)\s#]+)[^)]*\)", page.read_text(encoding="utf-8"))
+    assert [link for link in links if ":" not in link and not (page.parent / unquote(link)).exists()] == []
+
+
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The site, built as strictly as mkdocs can."""
@@ -203,14 +211,33 @@ def test_the_site_builds_without_a_warning_and_fetches_nothing(site: Path) -> No
         assert loaded == [], f"{page}: {loaded}"
 
 
+def sections(page: Path) -> dict[str, set[str]]:
+    """What stands as code under each heading of a page of the site; "": before the first."""
+    found = {}
+    for part in page.read_text(encoding="utf-8").split("<h2"):
+        heading, _, _ = part.rpartition("</h2>")
+        named = html.unescape(re.sub(r"<[^>]+>", "", heading.partition(">")[2]))
+        found[named] = {html.unescape(code) for code in re.findall(r"<code>(.*?)</code>", part)}
+    return found
+
+
 @pytest.mark.timeout(300)
-def test_every_hook_setting_command_and_message_field_is_on_the_site(site: Path, root_command: Any) -> None:
+def test_every_hook_setting_command_and_message_field_is_in_its_own_section_of_the_reference(
+    site: Path, root_command: Any
+) -> None:
     sys.path.insert(0, str(ROOT / "docs" / "_site"))
     try:
         import reference  # type: ignore[import-not-found]
     finally:
         sys.path.pop(0)
-    text = " ".join(page.read_text(encoding="utf-8") for page in site.rglob("*.html"))
-    said = set(re.findall(r"[\w-]+", html.unescape(re.sub(r"<[^>]+>", " ", text))))
-    missing = [name for name in reference.every_name(discover()) for word in name.split() if word not in said]
-    assert missing == []
+    names = list(reference.every_name(discover()))
+    pages = {page: sections(site / "reference" / page / "index.html") for page in {page for page, _, _ in names}}
+    assert len(names) > 200
+    assert [name for name in names if name[2] not in pages[name[0]].get(name[1], set())] == []
+
+
+def test_the_table_of_hooks_has_every_hook() -> None:
+    table = (ROOT / "docs" / "write-a-plugin.md").read_text(encoding="utf-8")
+    assert re.findall(r"^\| `(chairward_\w+)`", table, re.MULTILINE) == [
+        name for name in vars(hookspecs) if name.startswith("chairward_")
+    ]
