@@ -25,10 +25,8 @@ RIM_SHARE = 0.15
 HALF_RIM_SHARE = 0.35
 RIM_PIXELS = 12
 """A rim (or its left or right half alone) counts as near when this part of it, and this many pixels, are obstacle."""
-
 UNMATCHED_PIXELS = 60
 """Grid pixels (at 240 rows) with texture and without a match that are too many for an occlusion seam or for noise."""
-
 REPEATING_SHARE = 0.1
 """A region of which so much repeats itself is not believed."""
 FIT, FIT_WINDOW = 0.6, 9
@@ -100,8 +98,8 @@ def out_of_match(match: Match, region: npt.NDArray[np.bool_], floor: Floats, sca
 
     What is near must reach down there. It is unmatched because it is nearer than the search goes, because only one
     camera sees it, or because it is too narrow for its own distance: each of them is a near thing's. A seam that a
-    matched thing hides from the right camera does not count, nor what fits the floor, which may
-    repeat itself. region: grid mask; floor: disparity of the floor on the grid, full-size px.
+    matched thing hides from the right camera does not count, nor what fits the floor, which may repeat itself.
+    region: grid mask; floor: disparity of the floor on the grid, full-size px.
     """
     cv2 = opencv()
     half = match.fused.shape[0] // 2
