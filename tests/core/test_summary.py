@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
+from rich.console import Console
+from typer.testing import CliRunner
 
+from chairward.cli.app import app
 from chairward.cli.run import parse_seconds, reports
+from chairward.cli.run_shown import report
 from chairward.components import Motion
 from chairward.durations import Durations, percentiles_ms
 from chairward.envelope import Caps
@@ -196,3 +202,34 @@ def test_a_long_bad_run_is_counted_in_full_and_kept_in_part() -> None:
     result = summary.result()
     assert (result["late_ticks"], result["readings"], len(result["late_tick_log"])) == (ticks, ticks, LATE_TICKS_LOGGED)
     assert summary.seen == [], "only an input that ends is kept, to hold it against the truth"
+
+
+def test_the_summary_of_a_chair_that_never_moved_says_why_and_has_no_none() -> None:
+    summary = Summary(LIMITS)
+    sentence = "front camera [left] cannot be opened: plug it in"
+    said = record(0, stop=False)
+    why = Why(rule="freshness", source="front", detail="camera [left] cannot be opened: plug it in")
+    summary.add(replace(said, decision=replace(said.decision, reasons=(why,))))
+    whole = {**summary.result(), "ended": "over", "lanes": {}, "events": ["no [x]"], "recording": "/a/b.mcap"}
+    Console(width=200, file=(out := io.StringIO())).print(report(whole))
+    shown = out.getvalue()
+    assert f"freshness {sentence}" in shown
+    assert "no [x]" in shown
+    assert "None" not in shown
+
+
+@pytest.mark.parametrize(("option", "end"), [("--logs", ""), ("--logs", "/logs"), ("--record", "/r.mcap")])
+def test_where_nothing_can_be_written_no_run_begins(option: str, end: str, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    ended = CliRunner().invoke(
+        app, ["demo", "--no-record" if option == "--logs" else "--headless", option, f"{tmp_path}/file{end}"]
+    )
+    assert ended.exit_code == 2
+    assert f"chairward: {option}: {tmp_path}/file" in ended.output
+    assert "cannot be written" in ended.output
+
+
+def test_a_folder_is_no_recording(tmp_path: Path) -> None:
+    ended = CliRunner().invoke(app, ["demo", "--record", str(tmp_path)])
+    assert ended.exit_code == 2
+    assert f"{tmp_path}: is a folder: name a file in it" in ended.output

@@ -20,12 +20,9 @@ import typer
 from rich.console import Console
 from rich.live import Live
 from rich.logging import RichHandler
-from rich.table import Table
-from rich.text import Text
 
 from chairward import next_run, profile
-from chairward.facts import Decision, Instruction
-from chairward.messages import Way
+from chairward.cli.run_shown import report, status_line
 from chairward.plan import ChairKind, Plan
 from chairward.plugins import PluginError, discover
 from chairward.records import Record
@@ -35,13 +32,6 @@ from chairward.supervisor import RunError, Supervisor
 KEEP_RECORDINGS = 20
 KEEP_BYTES = 4_000_000_000
 LIVE_S = 0.1
-_SIGN = {
-    Instruction.WAY_CLEAR: ("●", "green"),
-    Instruction.GO_STRAIGHT: ("▲", "green"),
-    Instruction.TURN_LEFT: ("◀", "yellow"),
-    Instruction.TURN_RIGHT: ("▶", "yellow"),
-    Instruction.STOP: ("■", "red"),
-}
 
 Person = Annotated[str | None, typer.Option(help="people/NAME.toml or a path; default: the chair file's own")]
 Sets = Annotated[list[str] | None, typer.Option("--set", help="component.key=value, validated like the files")]
@@ -65,6 +55,13 @@ def run(
     logs: Logs = None,
 ) -> None:
     """Drive the chair that the chair file describes. Ctrl-C stops the chair first."""
+    try:
+        kept = None if no_record else recording_place(record)
+        if logs is not None:
+            writable("--logs", logs)
+    except (OSError, ValueError) as error:
+        typer.echo(f"chairward: {error}", err=True)
+        raise typer.Exit(2) from None
     drive(
         chair,
         person,
@@ -72,7 +69,7 @@ def run(
         for_,
         headless=headless or as_json,
         as_json=as_json,
-        record=None if no_record else record or default_recording(),
+        record=kept,
         logs=logs,
     )
 
@@ -128,13 +125,11 @@ def drive(
             raise typer.Exit(2) from None
         finally:
             if logs is not None:
-                logs.mkdir(parents=True, exist_ok=True)
-                for log in run_dir.glob("*.log"):
-                    shutil.copy(log, logs)
+                _keep_logs(run_dir, logs, console)
             shutil.rmtree(run_dir, ignore_errors=True)
         result["recording"] = str(file) if file else None
         if not as_json:
-            console.print(_report(result))
+            console.print(report(result))
         if following is None or not following.person:
             break
         before.append(result)
@@ -147,11 +142,19 @@ def drive(
     raise typer.Exit(code)
 
 
+def _keep_logs(run_dir: Path, logs: Path, console: Console) -> None:
+    """What the processes said; that it cannot be kept takes nobody's summary away."""
+    try:
+        for log in run_dir.glob("*.log"):
+            shutil.copy(log, logs)
+    except OSError as error:
+        console.print(f"chairward: the logs could not be kept: {error}", style="red", markup=False, highlight=False)
+
+
 def _recorded(plan: Plan, file: Path | None) -> Plan:
     """The plan with a recorder that writes this file."""
     if file is None:
         return plan
-    file.parent.mkdir(parents=True, exist_ok=True)
     recorder = replace(plan.recorder, settings={**plan.recorder.settings, "path": str(file.resolve())})
     return replace(plan, observers={**plan.observers, "recorder": recorder})
 
@@ -231,66 +234,34 @@ def parse_seconds(text: str) -> float:
     return float(found[1]) * {"": 1.0, "s": 1.0, "m": 60.0, "h": 3600.0}[found[2]]
 
 
+def recording_place(record: Path | None) -> Path:
+    """Where the recording goes: that file, or the default. Raises ValueError where it cannot be written."""
+    if record is None:
+        return default_recording()
+    if record.is_dir():
+        raise ValueError(f"--record {record}: is a folder: name a file in it, such as {record / 'drive.mcap'}")
+    writable("--record", record.parent)
+    return record
+
+
+def writable(option: str, folder: Path) -> None:
+    """Make a folder, and see that something can be written into it. Raises ValueError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        why = "is no folder" if isinstance(error, FileExistsError) else (error.strerror or str(error)).lower()
+        raise ValueError(f"{option}: {folder} cannot be written ({why}): choose another folder") from None
+
+
 def default_recording() -> Path:
     """A new file in the person's state folder; of the older ones the last few are kept, and not too much of them."""
     folder = Path(platformdirs.user_state_dir("chairward")) / "recordings"
-    folder.mkdir(parents=True, exist_ok=True)
+    writable("the recording (choose its place by --record, or --no-record)", folder)
     left = KEEP_BYTES
     for nth, old in enumerate(sorted(folder.glob("*.mcap"), reverse=True), start=1):
         left -= old.stat().st_size
         if nth >= KEEP_RECORDINGS or left < 0:
             old.unlink()
     return folder / time.strftime("%Y-%m-%d-%H%M%S.mcap")
-
-
-def status_line(record: Record) -> Text:
-    """Instruction (shape, colour and words), distance, reason, speed, open ways, word, lease."""
-    decision = record.decision
-    shape, colour = _SIGN.get(decision.instruction, ("?", "white"))
-    text = Text()
-    text.append(f" {shape} {decision.instruction:<20}", style=f"bold {colour}")
-    near = "--" if decision.nearest_mm is None else f"{decision.nearest_mm}"
-    text.append(f" {near:>5} mm ")
-    text.append(f" {decision.motion.drive_mm_s:5.0f} mm/s {decision.motion.turn_deg_s:4.0f} deg/s ")
-    text.append(" ".join("^v<>"[list(Way).index(w)] for w in decision.open_ways).ljust(8), style="cyan")
-    word = decision.command.value if decision.command else "-"
-    text.append(f" {word:<7} {'▮' * round(decision.lease_left_s):<8}")
-    text.append(_reason(decision), style="dim")
-    return text
-
-
-def _reason(decision: Decision) -> str:
-    if decision.latch:
-        return decision.latch
-    if not decision.reasons:
-        return ""
-    first = decision.reasons[0]
-    return " ".join(filter(None, (first.rule, first.source, first.detail)))
-
-
-def _report(result: dict[str, Any]) -> Table:
-    """The summary for people."""
-    table = Table(title="Summary", show_header=False, title_justify="left")
-    table.add_row("ended", str(result["ended"]))
-    table.add_row("driven", f"{result['driven_m']} m in {result['seconds']} s")
-    heard = result["commands_heard"]
-    table.add_row("commands", f"{len(heard)} heard; obeyed: {', '.join(result['commands_obeyed']) or 'none'}")
-    for stop in result["protective_stops"]:
-        table.add_row("protective stop", f"at {stop['at_s']} s, {stop['nearest_mm']} mm: {'; '.join(stop['why'])}")
-    for latch in result["latched"]:
-        table.add_row("latched", latch)
-    table.add_row("nearest while driving", f"{result['nearest_while_driving_mm']} mm")
-    for name in ("tick_lateness_ms", "message_to_wire_ms", "reading_age_ms"):
-        if figures := result[name]:
-            table.add_row(name.replace("_", " "), f"p50 {figures['p50']}  p99 {figures['p99']}  max {figures['max']}")
-    table.add_row("late ticks (> 40 ms)", f"{result['late_ticks']} of {result['ticks']}")
-    table.add_row("missed records", str(result["missed_records"]))
-    for name, lane in result["lanes"].items():
-        table.add_row(f"lane {name}", f"{lane['items']} items, {lane['dropped']} dropped, {lane['restarts']} restarts")
-    for event in result["events"]:
-        table.add_row("event", event)
-    if result["recording"]:
-        kept = result.get("recorder", {})
-        missed = f", {kept['missed']} missed {kept['trouble']}".rstrip() if kept.get("missed") else ""
-        table.add_row("recording", f"{result['recording']}{missed}")
-    return table
