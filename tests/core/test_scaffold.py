@@ -7,7 +7,9 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from chairward.cli.app import app
 from chairward.scaffold import KINDS, ScaffoldError, files, write
 
 
@@ -49,6 +51,21 @@ def test_what_is_there_already_is_not_touched(tmp_path: Path) -> None:
     write("sonar", "sensor", tmp_path)
     with pytest.raises(ScaffoldError, match="exists already"):
         write("sonar", "observer", tmp_path)
+
+
+def test_a_place_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    ended = CliRunner().invoke(app, ["new-plugin", "okay", "--kind", "sensor", "--to", str(tmp_path / "file")])
+    assert ended.exit_code == 2
+    assert f"{tmp_path}/file/chairward_okay cannot be written (Not a directory): choose another place" in ended.output
+
+
+@pytest.mark.parametrize("name", ["voice_dtw", "sim_cameras"])
+def test_the_name_of_an_installed_plugin_or_component_is_refused(name: str, tmp_path: Path) -> None:
+    ended = CliRunner().invoke(app, ["new-plugin", name, "--kind", "sensor", "--to", str(tmp_path)])
+    assert ended.exit_code == 2
+    assert f"something named '{name}' is installed already" in ended.output
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_sensor_in_the_docs_is_the_one_that_is_made() -> None:

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from chairward.plugins import discover
 from chairward.scaffold import KINDS, ScaffoldError, write
 
 
@@ -16,7 +17,14 @@ def new_plugin(
     into: Annotated[Path, typer.Option("--to", help="the folder in which the plugin's folder is made")] = Path(),
 ) -> None:
     """Make a plugin that passes its contract tests, or fails them with a sentence that says what to do."""
+    registry = discover()
+    taken = {plugin for plugin, _ in registry.manager.list_name_plugin()} | {one.plugin for one in registry.refused}
+    taken |= {component for offered in registry.components.values() for component in offered}
     try:
+        if name in taken:
+            raise ScaffoldError(
+                f"something named '{name}' is installed already (see `chairward plugins`): choose another name"
+            )
         folder = write(name, kind, into)
     except ScaffoldError as error:
         typer.echo(f"chairward: {error}", err=True)

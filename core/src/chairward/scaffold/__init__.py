@@ -40,14 +40,17 @@ def files(name: str, kind: str) -> Mapping[Path, str]:
 
 
 def write(name: str, kind: str, into: Path) -> Path:
-    """Write the files into a new folder of the plugin's name; its path. Raises ScaffoldError, writing nothing."""
+    """Write the files into a new folder of the plugin's name; its path. Raises ScaffoldError."""
     made = files(name, kind)
     folder = into / f"chairward_{name}"
     if folder.exists():
         raise ScaffoldError(f"{folder} exists already: choose another name or place")
-    for path, text in made.items():
-        (folder / path).parent.mkdir(parents=True, exist_ok=True)
-        (folder / path).write_text(text, encoding="utf-8")
+    try:
+        for path, text in made.items():
+            (folder / path).parent.mkdir(parents=True, exist_ok=True)
+            (folder / path).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ScaffoldError(f"{folder} cannot be written ({error.strerror}): choose another place by --to") from error
     return folder
 
 
