@@ -211,7 +211,7 @@ def fit(manifest: Path, seed: int) -> None:
     with TemporaryDirectory() as folder:
         weights = Path(folder) / "weights.json"
         weights.write_text(calibration.text(partial), encoding="utf-8")
-        plan = evaluate.Plan(manifest=manifest, speakers=held, weights=weights, hours=1.0, processes=1, seed=seed + 1)
+        plan = evaluate.Plan(manifest=manifest, speakers=held, weights=weights, hours=1.0, seed=seed + 1)
         result["held_back"] = {"speakers": held, **evaluate.evaluate(plan, tell)}
     report.save("ears", {**result, "machine": report.machine()})
 

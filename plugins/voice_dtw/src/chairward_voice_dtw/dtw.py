@@ -19,11 +19,6 @@ Lengths = npt.NDArray[np.int64]
 
 
 @jit
-def _lanes() -> Lengths:
-    return np.empty(LANES, np.int64)
-
-
-@jit
 def _chunk(templates: Floats, lengths: Lengths, first: int, across: Floats, mine: Lengths) -> int:
     """How many templates there are from `first` on, LANES at most. across[k, j, q]: dimension k of frame j of template
     first + q. mine: their lengths; lanes without a template get zeros of the first one's length."""
@@ -102,7 +97,8 @@ def _all(x: Floats, templates: Floats, lengths: Lengths, band: float, out: npt.N
     n, longest = len(x), templates.shape[1]
     across = np.empty((x.shape[1], longest, LANES), np.float32)
     table = np.empty((n, longest, LANES), np.float32)
-    found, mine, lows, highs = np.empty(LANES), _lanes(), _lanes(), _lanes()
+    found, mine = np.empty(LANES), np.empty(LANES, np.int64)
+    lows, highs = np.empty(LANES, np.int64), np.empty(LANES, np.int64)
     for first in range(0, len(lengths), LANES):
         count = _chunk(templates, lengths, first, across, mine)
         for i in range(n):
@@ -124,7 +120,7 @@ def _both_ways(
     n, longest = len(x), templates.shape[1]
     across = np.empty((x.shape[1], longest, LANES), np.float32)
     table = np.empty((n, longest, LANES), np.float32)
-    found, mine = np.empty(LANES), _lanes()
+    found, mine = np.empty(LANES), np.empty(LANES, np.int64)
     for first in range(0, len(lengths), LANES):
         count = _chunk(templates, lengths, first, across, mine)
         for i in range(n):

@@ -299,7 +299,7 @@ def report(
         for source in sources
     }
     return {
-        "manifest": str(plan.manifest),
+        "manifest": plan.manifest.name,
         "engine": plan.engine,
         "speech_embedding": plan.engine == "default" and plan.embedding and network() is not None,
         "variant": plan.variant,

@@ -60,13 +60,10 @@ class Matcher:
         clean = [np.ascontiguousarray(subtract(t.mel, t.noise, keep=0.02)) for t in templates]
         self._clean, self._lengths = dtw.pack(clean)
         self._level = np.array([max(float(np.percentile(c.sum(axis=1), 80)), 1e-9) for c in clean])
-        self._quiet, _ = dtw.pack([features(c) for c in clean])
-        table = np.array([dtw.distances(q[:n], self._quiet, self._lengths) for q, n in self._each()])
+        quiet = [features(c) for c in clean]
+        table = np.array([dtw.distances(q, *dtw.pack(quiet)) for q in quiet])
         self._own, self._between = self._spreads(np.minimum(table, FARTHEST))
         self.longest = int(self._lengths.max(initial=60))
-
-    def _each(self) -> list[tuple[npt.NDArray[np.float32], int]]:
-        return [(np.ascontiguousarray(q), int(n)) for q, n in zip(self._quiet, self._lengths, strict=True)]
 
     def _spreads(self, table: Numbers) -> tuple[Numbers, Numbers]:
         """Per word: the mean distance between its own repetitions, and the median distance to other words'."""
