@@ -123,7 +123,8 @@ def choose(tab: Tab, language: str) -> None:
 def violations(tab: Tab) -> list[str]:
     """What axe-core finds wrong, by rule, with the elements."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="needs axe-playwright-python (uv sync)")
-    found = axe.Axe().run(tab).response["violations"]
+    options = {"rules": {"target-size": {"enabled": True}}}  # the rule of WCAG 2.2 AA, off by default
+    found = axe.Axe().run(tab, options=options).response["violations"]
     return [f"{v['id']}: {v['help']}: {[n['target'] for n in v['nodes']][:4]}" for v in found]
 
 
@@ -171,6 +172,37 @@ def test_stop_by_click_touch_space_and_escape_reaches_the_lane(tab: Tab, chair: 
         press()
         chair.read_until(is_press(Button.STOP))
     assert not any(isinstance(m, Press) and m.button is not Button.STOP for m in chair.read_for(0.3))
+
+
+def test_any_button_of_a_gamepad_stops(tab: Tab, chair: Chair) -> None:
+    chair.read_until(well)
+    tab.evaluate("() => { navigator.getGamepads = () => [null, {buttons: [{pressed: false}, {pressed: true}]}]; }")
+    chair.read_until(is_press(Button.STOP))
+
+
+def test_a_screen_reader_is_told_the_instruction_at_once_and_the_distance_when_it_is_its_turn(
+    tab: Tab, life: Life
+) -> None:
+    wait(tab, "document.querySelector('#instruction[aria-live=assertive]').textContent === 'Way clear'")
+    before = tab.inner_text("#distance-said[aria-live=polite]")
+    life.ahead_mm = 540
+    wait(tab, "document.querySelector('#instruction[aria-live=assertive]').textContent === 'Stop now'")
+    said = "document.querySelector('#distance-said[aria-live=polite]').textContent"
+    wait(tab, f"before => {said} !== before && {said}.length > 0", before)
+
+
+def test_the_screen_stays_on_and_a_stop_shakes_where_sound_is_on(tab: Tab, life: Life) -> None:
+    tab.add_init_script(
+        """navigator.vibrate = (shakes) => { window.shaken = shakes; };
+        WakeLock.prototype.request = async (kind) => { window.kept = kind; return new EventTarget(); };"""
+    )
+    tab.reload()
+    free = "document.querySelector('#take:not([hidden])')"  # the page before it may have let go too late
+    wait(tab, f"({free}?.click(), window.kept === 'screen')")
+    text_is(tab, "instruction", "Way clear")
+    tab.check("#sound")
+    life.ahead_mm = 540
+    wait(tab, "window.shaken?.length === 3")
 
 
 def test_help_by_click_and_by_enter_reaches_the_lane(tab: Tab, chair: Chair) -> None:

@@ -117,7 +117,8 @@ def wait(tab: Tab, condition: str, arg: Any = None, within_s: float = WITHIN_S) 
 def violations(tab: Tab) -> list[str]:
     """What axe-core finds wrong, by rule, with the elements."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="needs axe-playwright-python (uv sync)")
-    found = axe.Axe().run(tab).response["violations"]
+    options = {"rules": {"target-size": {"enabled": True}}}  # the rule of WCAG 2.2 AA, off by default
+    found = axe.Axe().run(tab, options=options).response["violations"]
     return [f"{v['id']}: {v['help']}: {[n['target'] for n in v['nodes']][:4]}" for v in found]
 
 
