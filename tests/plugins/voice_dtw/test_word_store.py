@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from typer.testing import CliRunner
 from chairward_voice_dtw.audio import SoundError, read_wav
 from chairward_voice_dtw.cli import words as app
 from chairward_voice_dtw.enrolment import check, separability
-from chairward_voice_dtw.store import StoreError, WordStore, enrol
+from chairward_voice_dtw.store import StoreError, WordStore, enrol, folder_of
 from chairward_voice_dtw.templates import files_of_folder, files_of_manifest, from_files
 
 
@@ -114,6 +115,55 @@ def test_a_manifest_without_that_speaker_is_one_sentence(tmp_path: Path) -> None
     path.write_text("path,word\na.wav,left\n")
     with pytest.raises(SoundError, match=r"lacks the column\(s\) speaker, role, source"):
         files_of_manifest(path, "")
+
+
+@pytest.mark.parametrize("person", ["..", ".", "", "../ev", "/etc", "a/b", "a\0b"])
+def test_no_name_of_a_person_leads_out_of_the_people_s_folder(person: str, tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="is not a person's name"):
+        folder_of(tmp_path, person)
+    assert folder_of(tmp_path, "Zoë K.") == tmp_path / "Zoë K."
+    for command in (["list"], ["import", "left", "x.wav"], ["record", "left"], ["test", "x.wav"]):
+        ended = CliRunner().invoke(app, [*command, "--person", person], env={"XDG_DATA_HOME": str(tmp_path)})
+        assert ended.exit_code == 1
+        assert "is not a person's name" in ended.output
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_name_of_a_set_leads_out_of_the_person_s_folder(tmp_path: Path) -> None:
+    ended = CliRunner().invoke(app, ["list", "--person", "kim", "--dir", str(tmp_path), "--set", "x/../../y"])
+    assert ended.exit_code == 1
+    assert "cannot be a set's name" in ended.output
+
+
+def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path: Path, word_folder: Path) -> None:
+    (tmp_path / "file").touch()
+    takes = [str(path) for path in sorted(word_folder.glob("left_*.wav"))]
+    for command in (["import", "left", *takes, "--force"], ["record", "left"]):
+        ended = CliRunner().invoke(app, [*command, "--person", "kim", "--dir", str(tmp_path / "file")])
+        assert ended.exit_code == 1
+        assert "file/words cannot be written (Not a directory): choose another folder by --dir" in ended.output
+
+
+def test_a_folder_is_no_sound_file(tmp_path: Path) -> None:
+    with pytest.raises(SoundError, match="is a folder: name the sound files in it"):
+        read_wav(tmp_path)
+
+
+def test_without_a_microphone_nobody_is_asked_to_speak(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class NoInputs:
+        """A machine with a loudspeaker alone, as PortAudio tells it."""
+
+        PortAudioError = RuntimeError
+
+        @staticmethod
+        def query_devices() -> list[dict[str, object]]:
+            return [{"name": "HDMI", "max_input_channels": 0}]
+
+    monkeypatch.setitem(sys.modules, "sounddevice", NoInputs)
+    ended = CliRunner().invoke(app, ["record", "left", "--person", "kim", "--dir", str(tmp_path)], input="\n" * 9)
+    assert ended.exit_code == 1
+    assert "Enter" not in ended.output
+    assert "this machine has no sound input at all: plug a microphone in" in ended.output
 
 
 def test_import_list_and_test_at_the_command_line(tmp_path: Path, word_folder: Path) -> None:

@@ -30,6 +30,8 @@ def read_wav(path: Path, rate_hz: int | None = None) -> tuple[Floats, int]:
     """
     import soundfile  # type: ignore[import-untyped,unused-ignore]
 
+    if path.is_dir():
+        raise SoundError(f"{path}: is a folder: name the sound files in it")
     if not path.is_file():
         raise SoundError(f"{path}: there is no such sound file")
     try:

@@ -27,18 +27,26 @@ WordSet = Annotated[
 StopWord = Annotated[str, typer.Option("--stop-word", help="the word that means stop")]
 
 
-def person_dir(person: str, folder: Path | None) -> Path:
-    """Where a person's recordings are kept: what `chairward.profile` uses too."""
-    if folder is not None:
-        return folder
+def people_dir() -> Path:
+    """The folder with one folder for each person: what `chairward.profile` uses too."""
     import platformdirs
 
-    return Path(platformdirs.user_data_dir("chairward")) / "people" / person
+    return Path(platformdirs.user_data_dir("chairward")) / "people"
+
+
+def person_dir(person: str, folder: Path | None) -> Path:
+    """Where a person's recordings are kept. Raises StoreError."""
+    from chairward_voice_dtw.store import folder_of
+
+    return folder_of(people_dir(), person) if folder is None else folder
 
 
 def fail(error: Exception) -> typer.Exit:
     """One sentence on stderr, exit code 1."""
-    typer.echo(f"chairward words: {error}", err=True)
+    said = str(error)
+    if isinstance(error, OSError):
+        said = f"{error.filename} cannot be written ({error.strerror}): choose another folder by --dir"
+    typer.echo(f"chairward words: {said}", err=True)
     return typer.Exit(1)
 
 
@@ -51,9 +59,9 @@ def list_words(person: Person, folder: Folder = None, word_set: WordSet = "") ->
     from chairward_voice_dtw.store import StoreError, WordStore
     from chairward_voice_dtw.templates import from_files
 
-    where = person_dir(person, folder)
-    store = WordStore(where, word_set)
     try:
+        where = person_dir(person, folder)
+        store = WordStore(where, word_set)
         files = store.files()
         if not files:
             typer.echo(f"{person} has no recorded words yet ({where}); record them with 'chairward words record'")
@@ -85,9 +93,9 @@ def import_words(
     from chairward_voice_dtw.streams import STREAM_HZ
 
     try:
-        recordings = [(str(path), read_wav(path, STREAM_HZ)[0]) for path in files]
-        keep(word, recordings, WordStore(person_dir(person, folder), word_set), person, force=force)
-    except (SoundError, StoreError) as error:
+        store = WordStore(person_dir(person, folder), word_set)
+        keep(word, [(str(path), read_wav(path, STREAM_HZ)[0]) for path in files], store, person, force=force)
+    except (SoundError, StoreError, OSError) as error:
         raise fail(error) from None
 
 
@@ -125,18 +133,20 @@ def record(
 ) -> None:
     """Record a word a few times from the microphone, with a level meter, try it, and store it if it is recognised."""
     from chairward_voice_dtw.audio import SoundError
-    from chairward_voice_dtw.recorder import record_once
+    from chairward_voice_dtw.recorder import find_input, record_once
     from chairward_voice_dtw.store import StoreError, WordStore
 
     try:
+        store = WordStore(person_dir(person, folder), word_set)
+        store.folder.mkdir(parents=True, exist_ok=True)
+        find_input(device)
         recordings = []
         for number in range(1, times + 1):
             typer.prompt(f"press Enter, then say '{word}' ({number} of {times})", default="", show_default=False)
             recordings.append((f"repetition {number}", record_once(device)))
         typer.prompt(f"now try it: press Enter, then say '{word}' once more", default="", show_default=False)
-        trial, store = record_once(device), WordStore(person_dir(person, folder), word_set)
-        keep(word, recordings, store, person, force=force, trial=trial)
-    except (SoundError, StoreError) as error:
+        keep(word, recordings, store, person, force=force, trial=record_once(device))
+    except (SoundError, StoreError, OSError) as error:
         raise fail(error) from None
 
 
@@ -185,7 +195,7 @@ def serve(
 
     from chairward_voice_dtw.words_desk import WordsDesk
 
-    desk = WordsDesk(people or person_dir("x", None).parent)
+    desk = WordsDesk(people or people_dir())
     for line in sys.stdin:
         typer.echo(desk.answer(line))
 

@@ -26,16 +26,29 @@ from chairward_voice_dtw.streams import STREAM_HZ
 VERSION = 1
 FOLDER = "words"
 INDEX = "words.json"
+WORD_SET = r"[a-z0-9_]{0,20}"
 
 
 class StoreError(ValueError):
     """The store of a person's words cannot be read or written: one sentence with the file."""
 
 
+def folder_of(people: Path, person: str) -> Path:
+    """A person's own folder among all people's. Raises StoreError for a name that would lead out of it."""
+    if person in ("", ".", "..") or "\0" in person or Path(person).name != person:
+        raise StoreError(f"'{person}' is not a person's name: it names one folder, without / in it")
+    return people / person
+
+
 class WordStore:
-    """The words of one person; person_dir need not exist yet. word_set: "" is the usual voice, "hoarse" another."""
+    """The words of one person; person_dir need not exist yet. word_set: "" is the usual voice, "hoarse" another.
+
+    Raises StoreError for a set that cannot be called so.
+    """
 
     def __init__(self, person_dir: Path, word_set: str = "") -> None:
+        if not re.fullmatch(WORD_SET, word_set):
+            raise StoreError(f"'{word_set}' cannot be a set's name: use up to 20 small letters, digits and _")
         self.folder = person_dir / (f"{FOLDER}-{word_set}" if word_set else FOLDER)
 
     def files(self) -> dict[str, list[Path]]:

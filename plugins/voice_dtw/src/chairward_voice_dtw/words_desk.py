@@ -23,7 +23,7 @@ from chairward_voice_dtw.enrolment import FEWEST, MOST, check, separability, sou
 from chairward_voice_dtw.frontend import MelStream, features, subtract
 from chairward_voice_dtw.segmenter import Segment
 from chairward_voice_dtw.settings import VoiceSettings
-from chairward_voice_dtw.store import StoreError, WordStore
+from chairward_voice_dtw.store import StoreError, WordStore, folder_of
 from chairward_voice_dtw.streams import STREAM_HZ, active_rms
 from chairward_voice_dtw.templates import cut_out, from_files
 from chairward_voice_dtw.trial import hear
@@ -93,10 +93,7 @@ class WordsDesk:
         return json.dumps(answer, ensure_ascii=False)
 
     def _store(self, request: Request) -> WordStore:
-        person = str(request["person"])
-        if not person or Path(person).name != person:
-            raise SoundError(f"'{person}' is not a person's name")
-        return WordStore(self._people / person)
+        return WordStore(folder_of(self._people, str(request["person"])))
 
     def _list(self, request: Request) -> Answer:
         """Every recorded word: its files, the nearest other word and how far that is."""
