@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import select
 import signal
 import subprocess
@@ -154,6 +155,26 @@ def test_pins_are_published_under_the_agreed_names_and_kept_fresh(
     _until(lambda: pins.read()["time_ns"] != first)
     assert pins.read()["brake"] == 1
     pins.close()
+
+
+def test_sim_pic_says_where_its_port_and_its_pins_are_and_takes_both_away(tmp_path: Path) -> None:
+    code = "from chairward.cli.app import main; main()"
+    sim = subprocess.Popen(
+        [sys.executable, "-uc", code, "sim", "pic", "--link", tmp_path / "port"], stdout=subprocess.PIPE, text=True
+    )
+    assert sim.stdout is not None
+    try:
+        said = sim.stdout.readline()
+        port, pins = (Path(found) for found in re.findall(r"(?:on|pins in) (/[^,;]+)", said))
+        assert port.exists()
+        SharedState.attach(pins, 5.0).close()
+        sim.send_signal(signal.SIGINT)
+        assert sim.wait(WAIT_S) == 0
+    finally:
+        sim.kill()
+        sim.communicate()
+    assert not os.path.lexists(port)
+    assert not pins.exists()
 
 
 @pytest.mark.parametrize("engine", ["model", pytest.param("gpsim in slices", marks=pytest.mark.needs_gpsim)])

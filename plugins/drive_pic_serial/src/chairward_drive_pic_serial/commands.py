@@ -118,7 +118,7 @@ def sim_pic(
     engine: Annotated[str, typer.Option(help="model, or gpsim (the real firmware in the simulator).")] = "model",
     link: Annotated[Path, typer.Option(help="Name of the simulated serial port.")] = Path("pic"),
 ) -> None:
-    """A simulated PIC on a pty until Ctrl-C; its pins are in the file `pins` beside the link."""
+    """A simulated PIC on a pty until Ctrl-C; it says in which file its pins are."""
     from chairward_drive_pic_serial.firmware import FirmwareError
     from chairward_drive_pic_serial.sim_pic import SimPic, SimPicSettings
 
@@ -132,10 +132,10 @@ def sim_pic(
         raise typer.Exit(2)
     with TemporaryDirectory(prefix="chairward-sim-pic-") as folder:
         program = SimPic(settings, Path(folder), link)
-        typer.echo(f"simulated PIC ({engine}) on {link}, pins in {folder}/pins; Ctrl-C ends it")
+        there = f"simulated PIC ({engine}) on {link}, pins in {folder}/pins; Ctrl-C ends it"
         try:
             with contextlib.suppress(KeyboardInterrupt):
-                program.run(ready=lambda: None, stopping=lambda: False)
+                program.run(ready=lambda: typer.echo(there), stopping=lambda: False)
         except FirmwareError as error:
             typer.echo(f"chairward: {error}", err=True)
             raise typer.Exit(1) from None
