@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import Distribution, distributions
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,7 @@ class GradeError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """One rule. kept: None when an earlier grade failed and it was not tried."""
+    """One rule. kept: None when an earlier grade failed and it was not tried. why: why it is not kept."""
 
     grade: str
     says: str
@@ -94,7 +94,7 @@ def graded(name: str, folder: Path, tests: Path, say: Callable[[str], object]) -
         go_on = all(rule.kept for rule in rules)
         say(f"{grade}: {'...' if go_on else 'not tried'}")
         rules += judge(project) if go_on else [Rule(grade, "all rules below", None)]
-    return Graded(name, rules)
+    return Graded(name, [replace(rule, why="") if rule.kept else rule for rule in rules])
 
 
 RECOGNIZER = ("HeldDeviceContract", "WordContract")

@@ -126,7 +126,7 @@ def test_the_monitor_prints_a_recording_in_words(tmp_path: Path) -> None:
 def test_the_monitor_says_in_one_sentence_what_it_cannot_read(tmp_path: Path) -> None:
     done = run("can", "monitor", tmp_path / "none.log")
     assert done.returncode == 2
-    assert "none.log cannot be read as a CAN recording" in done.stderr
+    assert "none.log cannot be read as a CAN recording (No such file or directory): check the path" in done.stderr
     assert "Traceback" not in done.stderr
 
 

@@ -52,5 +52,7 @@ def test_a_wrong_home_file_is_one_sentence_with_file_and_key(tmp_path, was, beco
 
 
 def test_a_missing_home_file_is_named(tmp_path) -> None:
-    with pytest.raises(HomeError, match=r"nowhere\.toml: cannot be read as a home"):
+    with pytest.raises(
+        HomeError, match=r"nowhere\.toml: cannot be read as a home \(No such file or directory\): check the path"
+    ):
         load(tmp_path / "nowhere.toml")

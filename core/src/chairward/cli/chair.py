@@ -12,6 +12,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from chairward.chair_new import Group, Question, Value, groups, interview
+from chairward.cli.places import told
 from chairward.doctor import Finding
 from chairward.plugins import discover
 from chairward.profile import ProfileError, files
@@ -78,7 +79,7 @@ def _fit(question: Question, said: Any) -> Value:
 
 
 def _fail(error: Exception) -> NoReturn:
-    typer.echo(f"chairward: {error}", err=True)
+    typer.echo(f"chairward: {told(error)}", err=True)
     raise typer.Exit(1) from None
 
 
@@ -105,7 +106,7 @@ def new(
             raise ProfileError(f"'{name}' cannot be a profile's name: use small letters, digits, - and _")
         if path.exists():
             raise ProfileError(f"{path} is there already and was not touched: choose another name")
-        given = {} if answers is None else _flat(tomllib.loads(answers.read_text(encoding="utf-8")))
+        given = {} if answers is None else _flat(_table(answers))
         known = {question.key for group in groups() for question in group.questions}
         if unknown := sorted(given.keys() - known):
             raise ProfileError(f"{answers}: '{unknown[0]}' is no question (there are: {', '.join(sorted(known))})")
@@ -124,6 +125,14 @@ def new(
         f"check chair --chair {name}",
     ):
         typer.echo(f"  chairward {step}")
+
+
+def _table(path: Path) -> dict[str, Any]:
+    """A TOML file. Raises OSError, ProfileError."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ProfileError(f"{path}: is not TOML ({error}): see `chairward chair new NAME --questions`") from None
 
 
 def _flat(table: Mapping[str, Any], before: str = "") -> dict[str, Value]:

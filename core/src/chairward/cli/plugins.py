@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from chairward.plugins import KINDS, discover
 
@@ -67,6 +68,6 @@ def grade(
     table = Table("grade", "rule", "kept", "why not")
     for rule in result.rules:
         kept = {True: "yes", False: "NO", None: "not tried"}[rule.kept]
-        table.add_row(rule.grade, rule.says, kept, rule.why, style=None if rule.kept else "red")
+        table.add_row(rule.grade, rule.says, kept, Text(rule.why), style=None if rule.kept else "red")
     Console().print(table)
     typer.echo(f"{name}: {result.grade or 'no grade yet'}")

@@ -10,6 +10,7 @@ from typing import Annotated, NoReturn
 import typer
 from mcap.exceptions import McapError
 
+from chairward.cli.places import PlaceError, told, writable
 from chairward.recording import tools
 from chairward.recording.redact import redact as redacted
 
@@ -21,7 +22,7 @@ LEVELS = {2: "", 3: "warning: ", 4: "ERROR: "}
 
 
 def _fail(error: Exception) -> NoReturn:
-    typer.echo(f"chairward: {error}", err=True)
+    typer.echo(f"chairward: {told(error)}", err=True)
     raise typer.Exit(2) from None
 
 
@@ -58,8 +59,9 @@ def export(
     if form not in ("csv", "jsonl"):
         _fail(ValueError(f"--format {form}: csv or jsonl"))
     try:
+        writable("--to", to)
         written = tools.export(file, to, "csv" if form == "csv" else "jsonl")
-    except (OSError, McapError) as error:
+    except (OSError, PlaceError, McapError) as error:
         _fail(error)
     typer.echo(f"{to}: {len(written)} files written")
 
@@ -72,7 +74,8 @@ def redact(file: File, to: Annotated[Path, typer.Argument(help="the copy; must n
     are called stays.
     """
     try:
+        writable("the copy", to.parent)
         count = redacted(file, to)
-    except (OSError, McapError) as error:
+    except (OSError, PlaceError, McapError) as error:
         _fail(error)
     typer.echo(f"{to}: {count} decisions, without pictures, words, the person's name and any path")

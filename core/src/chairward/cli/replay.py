@@ -12,6 +12,7 @@ from mcap.exceptions import McapError
 from rich.console import Console
 from rich.table import Table
 
+from chairward.cli.places import PlaceError, told, writable
 from chairward.plan import Plan
 from chairward.profile import ProfileError
 from chairward.recording import read_plan
@@ -38,11 +39,13 @@ def replay(
     try:
         plan = read_plan(file)
         if what_if is not None:
-            _what_if(file, plan, what_if, picture or file.with_suffix(".what-if.svg"), as_json=as_json)
+            picture = picture or file.with_suffix(".what-if.svg")
+            writable("--picture", picture.parent)
+            _what_if(file, plan, what_if, picture, as_json=as_json)
             return
         same = _again(file, plan, cores, as_json=as_json)
-    except (OSError, McapError, ProfileError) as error:
-        typer.echo(f"chairward: {error}", err=True)
+    except (OSError, McapError, PlaceError, ProfileError) as error:
+        typer.echo(f"chairward: {told(error)}", err=True)
         raise typer.Exit(2) from None
     raise typer.Exit(0 if same else 1)
 

@@ -22,6 +22,7 @@ from rich.live import Live
 from rich.logging import RichHandler
 
 from chairward import next_run, profile
+from chairward.cli.places import PlaceError, told, writable
 from chairward.cli.run_shown import report, status_line
 from chairward.plan import ChairKind, Plan
 from chairward.plugins import PluginError, discover
@@ -59,8 +60,8 @@ def run(
         kept = None if no_record else recording_place(record)
         if logs is not None:
             writable("--logs", logs)
-    except (OSError, ValueError) as error:
-        typer.echo(f"chairward: {error}", err=True)
+    except (OSError, PlaceError) as error:
+        typer.echo(f"chairward: {told(error)}", err=True)
         raise typer.Exit(2) from None
     drive(
         chair,
@@ -235,24 +236,13 @@ def parse_seconds(text: str) -> float:
 
 
 def recording_place(record: Path | None) -> Path:
-    """Where the recording goes: that file, or the default. Raises ValueError where it cannot be written."""
+    """Where the recording goes: that file, or the default. Raises OSError, PlaceError."""
     if record is None:
         return default_recording()
     if record.is_dir():
-        raise ValueError(f"--record {record}: is a folder: name a file in it, such as {record / 'drive.mcap'}")
+        raise PlaceError(f"--record {record}: is a folder: name a file in it, such as {record / 'drive.mcap'}")
     writable("--record", record.parent)
     return record
-
-
-def writable(option: str, folder: Path) -> None:
-    """Make a folder, and see that something can be written into it. Raises ValueError."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        why = "is no folder" if isinstance(error, FileExistsError) else (error.strerror or str(error)).lower()
-        raise ValueError(f"{option}: {folder} cannot be written ({why}): choose another folder") from None
 
 
 def default_recording() -> Path:

@@ -168,8 +168,12 @@ def _recorded(path: Path) -> Iterator[tuple[float, Any]]:
             first = message.timestamp if first is None else first
             if (frame := frame_of(message)) is not None:
                 yield message.timestamp - first, frame
-    except (OSError, ValueError) as error:
-        raise DriveError(f"{path} cannot be read as a CAN recording: {error}") from error
+    except OSError as error:
+        raise DriveError(f"{path} cannot be read as a CAN recording ({error.strerror}): check the path") from error
+    except ValueError as error:
+        raise DriveError(
+            f"{path} cannot be read as a CAN recording ({error}): give a .log, .asc, .blf or .csv file"
+        ) from error
 
 
 def _live(interface: str, channel: str, bitrate: int, log: Path | None, seconds: float) -> Iterator[tuple[float, Any]]:

@@ -158,8 +158,10 @@ def load(path: Path = HOME_FILE) -> Home:
     """Read and check a home file. Raises HomeError with file and key."""
     try:
         home = Home.model_validate(tomllib.loads(path.read_text("utf-8")))
-    except (OSError, tomllib.TOMLDecodeError) as error:
-        raise HomeError(f"{path}: cannot be read as a home: {error}") from error
+    except OSError as error:
+        raise HomeError(f"{path}: cannot be read as a home ({error.strerror}): check the path") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise HomeError(f"{path}: cannot be read as a home ({error}): correct the file at that place") from error
     except ValidationError as error:
         first = error.errors()[0]
         raise HomeError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
