@@ -209,6 +209,12 @@ class RnetRig(CanRig):
         event = rnet.decode(frame)
         return Motion(event.y * 5.0, -event.x * 0.45) if isinstance(event, rnet.Joystick) else None
 
+    def battery(self, fraction: float) -> None:
+        self.partner.battery_percent = round(fraction * 100)  # type: ignore[attr-defined]
+
+    def charger(self, connected: bool) -> None:
+        self.partner.charging = connected  # type: ignore[attr-defined]
+
     def arm(self, seconds: float = 1.0) -> Any:
         self.ticks(0.4)  # the joystick must have rested centred
         return super().arm(seconds)

@@ -17,7 +17,9 @@ from chairward.testing.drive_measured import MeasurableContract
 from chairward.testing.drive_rig import DriveRig
 
 
-class TestRnetOverSlcan(DriveContract, RampContract, ExclusivePortContract, MeasurableContract):
+class TestRnetOverSlcan(
+    DriveContract, RampContract, SoftStartContract, PowerContract, ExclusivePortContract, MeasurableContract
+):
     """Takeover `follow`: a power module and the user's joystick behind an slcan adapter on a pty."""
 
     @pytest.fixture
@@ -61,7 +63,9 @@ class TestDbcOverSlcan(OfDbc):
         return dbc_slcan_rig
 
 
-class TestCia402OverSlcan(DriveContract, SoftStartContract, ExclusivePortContract, VersionContract, MeasurableContract):
+class TestCia402OverSlcan(
+    DriveContract, RampContract, SoftStartContract, ExclusivePortContract, VersionContract, MeasurableContract
+):
     """Two CANopen motor controllers behind an slcan adapter on a pty."""
 
     @pytest.fixture

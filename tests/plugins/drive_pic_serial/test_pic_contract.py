@@ -29,21 +29,12 @@ class TestPicSerial(
     PowerContract,
     ExclusivePortContract,
     VersionContract,
+    MeasurableContract,
 ):
     """All contracts, each on both engines."""
 
     @pytest.fixture
     def rig(self, engine: Engine, tmp_path: Path) -> Iterator[PicRig]:
         rig = PicRig(engine, tmp_path, step_us=1000 if isinstance(engine, ModelEngine) else 5000)
-        yield rig
-        rig.close()
-
-
-class TestMeasuredPic(MeasurableContract):
-    """What takes minutes of firmware time: on the model, which is the firmware (test_pic_agreement.py)."""
-
-    @pytest.fixture
-    def rig(self, tmp_path: Path) -> Iterator[PicRig]:
-        rig = PicRig(ModelEngine(), tmp_path)
         yield rig
         rig.close()

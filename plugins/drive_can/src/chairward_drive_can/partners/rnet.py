@@ -16,6 +16,8 @@ from chairward_drive_can.partners.body import Body
 from chairward_drive_can.partners.rnet_startup import PowerModule
 
 SERIAL = bytes.fromhex("08901C8A00000000")
+CHARGING = bytes.fromhex("001E030000")
+"""What the display is told with a charger plugged in."""
 
 
 @dataclass
@@ -30,6 +32,7 @@ class RnetChair:
     speed_percent: int = 20
     full_percent: int = 100
     battery_percent: int = 80
+    charging: bool = False
     heartbeat: tuple[int, int] = (0xC0, 0xC1)
     body: Body = field(default_factory=Body)
     moves_heard: int = 0
@@ -96,6 +99,8 @@ class RnetChair:
         if self._every("battery", 1000, now_ns):
             yield Frame(0x1C0C0100, bytes((self.battery_percent,)), extended=True)
             yield Frame(0x1C300004, bytes(8), extended=True)
+        if self.charging and self._every("charging", 100, now_ns):
+            yield Frame(0x1C200100, CHARGING, extended=True)
         if self.body.standing != self._was_standing:
             self._was_standing = self.body.standing
             if self.body.standing:
@@ -103,7 +108,7 @@ class RnetChair:
 
     def _obey(self, x: int, y: int, now_ns: int) -> None:
         self._stick_heard_ns = now_ns
-        share = self.speed_percent / self.full_percent
+        share = 0.0 if self.charging else self.speed_percent / self.full_percent
         self.body.aim(y / rnet.FULL * share, -x / rnet.FULL * share)
 
     def _every(self, what: str, period_ms: int, now_ns: int) -> bool:
