@@ -183,6 +183,11 @@ def test_every_link_of_a_page_leads_somewhere_in_the_checkout(page: Path) -> Non
     assert [link for link in links if ":" not in link and not (page.parent / unquote(link)).exists()] == []
 
 
+def test_every_screenshot_is_shown_on_the_page_of_the_screens() -> None:
+    shown = re.findall(r"!\[[^\]]+\]\(screenshots/([\w.-]+)\)", (ROOT / "docs/screens.md").read_text(encoding="utf-8"))
+    assert sorted(shown) == sorted(path.name for path in ROOT.glob("docs/screenshots/*"))
+
+
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The site, built as strictly as mkdocs can."""
