@@ -53,7 +53,7 @@ def examined(change: Callable[[World], None]) -> tuple[float, list[Finding]]:
 
 def names_it(found: list[Finding], check: str, says: str) -> bool:
     """Whether the check that is for it has found it, in its own words."""
-    return any(f.check in (check, check.split()[0]) and re.search(says, f.what) for f in found)
+    return any(f.check in (check, check.split()[0]) and re.search(says, f"{f.what}: {f.fix}") for f in found)
 
 
 def main() -> None:

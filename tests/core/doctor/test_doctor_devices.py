@@ -11,6 +11,7 @@ from doctor_faults import FAULTS, everything, inspected
 from doctor_world import CHAIR, World, scene
 
 from chairward import profile
+from chairward.doctor import advised
 from chairward.doctor.examine import site, tasks
 from chairward.doctor.place import look
 
@@ -28,7 +29,7 @@ def test_a_seeded_fault_is_found_with_a_fix(name: str, tmp_path: Path) -> None:
     assert bad, "nothing was found"
     named = [f for f in bad if f.check in (check, check.split()[0])]
     assert named, bad
-    assert any(re.search(says, f.what) for f in named), [f.what for f in bad]
+    assert any(re.search(says, f"{f.what}: {f.fix}") for f in named), [f.what for f in bad]
     assert all(f.fix or f.check == "profile" for f in named)
     assert all("\n" not in f.what for f in named)
 
@@ -37,6 +38,26 @@ def test_nothing_is_found_on_a_healthy_set_up(tmp_path: Path) -> None:
     found = inspected(World(), tmp_path)
     assert [f for f in found if not f.ok] == []
     assert {"cameras", "calibration", "calibration now", "microphone", "controller"} <= {f.check for f in found}
+
+
+def test_a_check_that_could_not_look_says_so_and_not_that_nothing_is_wrong(tmp_path: Path) -> None:
+    found = {f.check: f for f in inspected(World(calibration_named=False), tmp_path, "calibration")}
+    assert not found["calibration now"].tried
+    assert "there is no calibration" in found["calibration now"].what
+    assert found["cameras"].tried
+
+
+@pytest.mark.parametrize(
+    ("text", "what", "fix"),
+    [
+        ("there is no profile 'x' in /p: correct the name", "there is no profile 'x' in /p", "correct the name"),
+        ("microphone: no sound input: plug one in", "microphone: no sound input", "plug one in"),
+        ("left.wav: there is no such file", "left.wav: there is no such file", "do that"),
+        ("the probe melted", "the probe melted", "do that"),
+    ],
+)
+def test_a_sentence_that_ends_with_what_to_do_brings_its_own_fix(text: str, what: str, fix: str) -> None:
+    assert advised(text, "do that") == (what, fix)
 
 
 @pytest.mark.parametrize("seed", range(6))

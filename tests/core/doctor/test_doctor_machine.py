@@ -81,9 +81,9 @@ MACHINE: dict[str, tuple[Callable[[Path], Any], str]] = {
         "kbd may not be opened",
     ),
     "device path wrong": (lambda folder: [machine.device("keys.device", folder / "kbd")], "kbd is not there"),
-    "reaction never measured": (lambda _: machine.measured({}, date(2026, 1, 1)), "never measured"),
+    "reaction never measured": (lambda _: machine.measured({}, date(2026, 1, 1), "box"), "never measured"),
     "reaction measured long ago": (
-        lambda _: machine.measured({"reaction_measured": date(2020, 1, 1)}, date(2026, 1, 1)),
+        lambda _: machine.measured({"reaction_measured": date(2020, 1, 1)}, date(2026, 1, 1), "box"),
         "2192 days ago",
     ),
 }
@@ -95,3 +95,8 @@ def test_what_is_wrong_with_the_machine_is_found_with_a_fix(name: str, tmp_path:
     bad = [f for f in make(tmp_path) if not f.ok]
     assert [f for f in bad if says in f.what], bad
     assert all(f.fix for f in bad)
+
+
+def test_no_fix_of_a_chair_that_was_never_measured_has_a_blank_to_fill_in() -> None:
+    (found,) = machine.measured({}, date(2026, 1, 1), "box")
+    assert found.fix == "chairward check timing --chair box"

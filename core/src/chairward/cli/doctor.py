@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
+from rich.text import Text
 
 from chairward.doctor import examine
 from chairward.plugins import discover
@@ -25,9 +26,10 @@ def doctor(
     if as_json:
         typer.echo(json.dumps([asdict(f) for f in findings], indent=1))
     else:
-        table = Table("", "check", "found", "what to do")
+        table = Table("", "check", Column("found", overflow="fold"), Column("what to do", overflow="fold"))
         for f in findings:
-            mark = "[green]ok[/]" if f.ok else ("[red]wrong[/]" if f.needed else "[yellow]advice[/]")
-            table.add_row(mark, f.check, f.what, f.fix)
+            good = "[green]ok[/]" if f.tried else "[dim]not tried[/]"
+            mark = good if f.ok else ("[red]wrong[/]" if f.needed else "[yellow]advice[/]")
+            table.add_row(mark, f.check, Text(f.what), Text(f.fix))
         Console().print(table)
     raise typer.Exit(1 if bad else 0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from chairward.doctor.check import Check, Finding, Site
+from chairward.doctor.check import Check, Finding, Site, advised, not_tried
 from chairward.doctor.examine import examine
 
-__all__ = ["Check", "Finding", "Site", "examine"]
+__all__ = ["Check", "Finding", "Site", "advised", "examine", "not_tried"]

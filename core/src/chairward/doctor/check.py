@@ -24,13 +24,45 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """ok: nothing to do. what: one sentence. fix: what to do, empty when ok. needed: False for a mere advice."""
+    """ok: nothing to do. what: one sentence. fix: what to do, empty when ok. needed: False for a mere advice.
+
+    tried: False where the check could not look at all, and so found nothing wrong.
+    """
 
     check: str
     ok: bool
     what: str
     fix: str = ""
     needed: bool = True
+    tried: bool = True
+
+
+def not_tried(check: str, why: str) -> Finding:
+    """What a check says that could not look: why not."""
+    return Finding(check, True, why, tried=False)
+
+
+ADVICE = {
+    "add",
+    "calibrate",
+    "change",
+    "check",
+    "choose",
+    "close",
+    "correct",
+    "free",
+    "give",
+    "install",
+    "make",
+    "name",
+}
+ADVICE |= {"plug", "record", "replace", "run", "say", "see", "set", "start", "switch", "unplug", "update", "use"}
+
+
+def advised(text: str, otherwise: str) -> tuple[str, str]:
+    """A sentence that ends with what to do ("...: plug it in") as (what, fix); `otherwise` where it does not."""
+    what, _, fix = text.rpartition(": ")
+    return (what, fix) if what and fix.split(" ", 1)[0].rstrip(",") in ADVICE else (text, otherwise)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

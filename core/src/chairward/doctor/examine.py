@@ -22,7 +22,7 @@ import msgspec
 from chairward import plan as plans
 from chairward import profile
 from chairward.components import Settings
-from chairward.doctor.check import Check, Finding, Site
+from chairward.doctor.check import Check, Finding, Site, advised
 from chairward.doctor.machine import installed
 from chairward.plan import LanePlan, Part, Plan, fill_run_dir
 from chairward.plugins import PluginError, Registry
@@ -82,7 +82,7 @@ def examine(registry: Registry, chair: str | None, person: str | None, root: Pat
             if loaded.unmeasured:
                 yield Finding("drive", False, loaded.unmeasured, f"chairward check drive --chair {plan.chair}")
         except (ValueError, PluginError) as error:
-            yield Finding("profile", False, str(error), "correct the file at that place")
+            yield Finding("profile", False, *advised(str(error), "correct the file at that place"))
     with tempfile.TemporaryDirectory(prefix="chairward-doctor-") as folder:
         yield from _side_by_side(tasks(registry, plan), plan, root, Path(folder))
 

@@ -20,7 +20,7 @@ from typing import Any
 
 import platformdirs
 
-from chairward.doctor.check import Check, Finding, Site
+from chairward.doctor.check import Check, Finding, Site, not_tried
 from chairward.hookspecs import ENTRY_POINT_GROUP
 from chairward.plan import ChairKind, Plan
 from chairward.plugins import Registry
@@ -158,6 +158,7 @@ def _clock(_: Site) -> Iterator[Finding]:
 def devices(site: Site) -> Iterator[Finding]:
     """Every absolute device path in the settings: there, and may be opened by this user."""
     if site.plan is None:
+        yield not_tried("devices", "there is no chair to look at: name one by --chair")
         return
     parts = [site.plan.drive, *(part for lane in site.plan.lanes for part in (lane.source, *lane.stages))]
     for part in parts:
@@ -187,6 +188,7 @@ def _group(path: Path) -> str:
 def chair(site: Site) -> Iterator[Finding]:
     """What a chair with somebody in it needs beside this software, and what was never measured."""
     if site.plan is None:
+        yield not_tried("chair", "there is no chair to look at: name one by --chair")
         return
     if site.plan.kind is ChairKind.CHAIR:
         yield Finding(
@@ -197,7 +199,7 @@ def chair(site: Site) -> Iterator[Finding]:
             needed=False,
         )
     if site.plan.kind in (ChairKind.CHAIR, ChairKind.ROBOT):
-        yield from measured(_stopping(site.plan), date.fromtimestamp(time.time()))
+        yield from measured(_stopping(site.plan), date.fromtimestamp(time.time()), site.plan.chair)
 
 
 def _stopping(plan: Plan) -> Mapping[str, Any]:
@@ -207,10 +209,10 @@ def _stopping(plan: Plan) -> Mapping[str, Any]:
     return table
 
 
-def measured(stopping: Mapping[str, Any], today: date) -> Iterable[Finding]:
+def measured(stopping: Mapping[str, Any], today: date, chair: str) -> Iterable[Finding]:
     """The reaction that the proof rests on: measured on this chair, and not too long ago."""
     on = stopping.get("reaction_measured")
-    fix = "chairward check timing --chair NAME"
+    fix = f"chairward check timing --chair {chair}"
     if on is None:
         return [Finding("reaction", False, "its reaction time was never measured", fix, needed=False)]
     days = (today - on).days

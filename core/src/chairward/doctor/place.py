@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from chairward import plan as plans
-from chairward.doctor.check import Finding, Site
+from chairward.doctor.check import Finding, Site, advised
 from chairward.doctor.examine import Options, Task, site, tasks
 from chairward.plugins import discover_only
 from chairward.realtime import die_with_parent
@@ -26,7 +26,10 @@ def look(task: Task, where: Site) -> list[Finding]:
         found = list(task.check.look(where))
     except Exception as error:  # noqa: BLE001 - a third party's check may raise anything; the others go on
         text = str(error) or type(error).__name__
-        return [Finding(name, False, f"{task.place}: {text}", "put that right and try again")]
+        report = "report this to whoever made that plugin"
+        fix = f"see that it is there, and that [settings.{task.part.component}] is right" if task.part else report
+        what, fix = advised(f"{task.place}: {text}", fix)
+        return [Finding(name, False, what, fix)]
     return found or [Finding(name, True, f"{task.place}: nothing is wrong")]
 
 

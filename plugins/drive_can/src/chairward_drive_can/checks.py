@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from chairward.components import DriveError
-from chairward.doctor import Check, Finding, Site
+from chairward.doctor import Check, Finding, Site, advised, not_tried
 from chairward_drive_can.bus import bus_errors, open_bus
 from chairward_drive_can.frames import Frame
 from chairward_drive_can.settings import CanSettings
@@ -82,12 +82,14 @@ def traffic(site: Site) -> Iterator[Finding]:
     """Half a second of listening: a chair that is switched on is never silent."""
     settings = _settings(site)
     if _simulated(site):
+        yield not_tried("bus traffic", "a simulated controller is there only in a run")
         return
     broken: tuple[type[Exception], ...] = (DriveError, *bus_errors())
     try:
         heard = listen(settings)
     except broken as error:
-        yield _wrong(f"{settings.channel} cannot be opened: {error}", "put that right, and close other programs on it")
+        what = f"{settings.channel} cannot be opened: {error}"
+        yield _wrong(*advised(what, "see that the interface is up, and close other programs on it"))
         return
     if not heard:
         yield _wrong(

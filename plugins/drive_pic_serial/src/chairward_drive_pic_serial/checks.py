@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from chairward.doctor import Check, Finding, Site
+from chairward.doctor import Check, Finding, Site, not_tried
 from chairward_drive_pic_serial import wire
 from chairward_drive_pic_serial.port import Port, PortError
 from chairward_drive_pic_serial.settings import PicSerialSettings
@@ -40,7 +40,8 @@ def controller(site: Site) -> Iterator[Finding]:
     settings = site.settings
     assert isinstance(settings, PicSerialSettings)
     if Path(settings.port).is_relative_to(site.run_dir):
-        return  # simulated: it is there only in a run
+        yield not_tried("controller", "a simulated controller is there only in a run")
+        return
     try:
         yield from judge(settings.port, ask(settings.port), settings)
     except PortError as error:

@@ -10,7 +10,7 @@ from math import hypot
 import numpy as np
 from numpy.typing import NDArray
 
-from chairward.doctor import Check, Finding, Site
+from chairward.doctor import Check, Finding, Site, not_tried
 from chairward.stages import Floats, Image, StereoFrame
 from chairward_stereo_range.calibration_file import Calibration, CalibrationError, Rectifier, load
 from chairward_stereo_range.settings import StereoRangeSettings
@@ -39,6 +39,8 @@ def file(site: Site) -> Iterator[Finding]:
     if settings.calibration is None:
         if live:
             yield _wrong("there is no calibration, so the chair is blind", f"{FIX}, then set stereo_range.calibration")
+        else:
+            yield not_tried("calibration", "none is named, and these cameras bring their own")
         return
     calibration = load(settings.calibration)
     yield from judge(calibration, date.fromtimestamp(time.time()), _asked_size(site))
@@ -79,6 +81,8 @@ def now(site: Site) -> Iterator[Finding]:
     """Rows of the same point in both pictures, as the cameras stand now."""
     settings = _settings(site)
     if settings.calibration is None or not _live(site):
+        why = "there is no calibration to look through" if _live(site) else "these are no cameras that stand somewhere"
+        yield not_tried("calibration now", why)
         return
     rectify = Rectifier(load(settings.calibration), WIDTH_PX, HEIGHT_PX, str(settings.calibration))
     errors: list[float] = []
@@ -89,7 +93,9 @@ def now(site: Site) -> Iterator[Finding]:
             yield _wrong(str(error), "set the cameras to that size, or calibrate again")
             return
         errors += [] if found is None else [found]
-    if errors and (median := float(np.median(errors))) > EPIPOLAR_PX:
+    if not errors:
+        yield not_tried("calibration now", "the two pictures have too few points in common")
+    elif (median := float(np.median(errors))) > EPIPOLAR_PX:
         yield _wrong(
             f"the same point lies {median:.1f} rows apart in the two pictures: a camera has moved since",
             f"fasten both cameras, then {FIX} again",
