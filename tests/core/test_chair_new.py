@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pty
+import re
 import select
 import subprocess
 import sys
@@ -16,7 +17,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from chairward.chair_new import groups
+from chairward.chair_new import chair_text, groups
 from chairward.cli.app import app
 from chairward.plugins import discover
 from chairward.profile import files
@@ -196,6 +197,28 @@ def test_a_can_chair_can_be_asked_for(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, [*arguments, "--profiles", str(tmp_path)])
     assert result.exit_code == 0, result.output
     assert tomllib.loads(saved(tmp_path))["drive"]["can"]["channel"] == "can1"
+
+
+def test_an_answer_stands_where_the_file_had_it_commented_out_and_keeps_its_comment() -> None:
+    answers = {"kind": "chair", "hardware_stop": "a contactor", "forward_mm_s": 250, "decel_mm_s2": 700}
+    text = chair_text("box", answers)
+    lines = text.splitlines()
+    assert "forward_mm_s = 250                  # forward speed" in lines
+    assert "decel_mm_s2 = 700                   # of the controlled stop, measured on the level" in lines
+    for key in ("hardware_stop", "forward_mm_s", "arc_mm_s", "decel_mm_s2"):
+        assert len(re.findall(rf"^(?:# )?{key} = ", text, re.MULTILINE)) == 1, f"{key} stands there once"
+    assert tomllib.loads(text)["hardware_stop"] == "a contactor"
+    assert "# slope_percent = 0.0               # steepest slope the chair may go down" in lines, "not answered"
+
+
+def test_a_controller_that_a_dbc_file_describes_can_be_asked_for(tmp_path: Path) -> None:
+    answers = tmp_path / "answers.toml"
+    answers.write_text('drive = "can"\nvoice = "no"\n[can]\ndialect = "dbc"\n[can.dbc]\nfile = "mine.dbc"\n')
+    arguments = ["chair", "new", "box", "--yes", "--keep-untried", "--answers", str(answers)]
+    result = CliRunner().invoke(app, [*arguments, "--profiles", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    can = tomllib.loads(saved(tmp_path))["drive"]["can"]
+    assert (can["dialect"], can["dbc"]["file"], can["dbc"]["turn"]) == ("dbc", "mine.dbc", "Drive.Turn")
 
 
 def test_the_questions_can_be_printed_as_an_answers_file() -> None:

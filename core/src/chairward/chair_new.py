@@ -6,7 +6,8 @@ it too, with its default and what it means.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -23,6 +24,8 @@ from chairward.profile.load import load_chair
 Value = str | int | float | bool
 ASKED = ("profile", "cameras", "microphone", "controller", "bus", "bus traffic")
 """Checks of what the interview asks for."""
+COMMENT_COLUMN = 36
+"""Where the comments of a new chair file begin."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +74,10 @@ def _is_chair(answers: Mapping[str, Value]) -> bool:
 
 def _uses(drive: str) -> Callable[[Mapping[str, Value]], bool]:
     return lambda answers: answers.get("drive") == drive
+
+
+def _speaks_dbc(answers: Mapping[str, Value]) -> bool:
+    return _uses("can")(answers) and answers.get("can.dialect") == "dbc"
 
 
 def groups(devices: Path = Path("/dev")) -> list[Group]:
@@ -123,7 +130,12 @@ def groups(devices: Path = Path("/dev")) -> list[Group]:
                     (_names(devices / "serial/by-id", "*") or ["/dev/ttyUSB0"])[0],
                     only=_uses("pic_serial"),
                 ),
-                Question("can.dialect", "CAN dialect", "rnet", ("rnet", "cia402"), only=_uses("can")),
+                Question("can.dialect", "CAN dialect", "rnet", ("rnet", "cia402", "dbc"), only=_uses("can")),
+                Question("can.dbc.file", "The controller's DBC file", "controller.dbc", only=_speaks_dbc),
+                Question(
+                    "can.dbc.forward", "Its signal for forward, Message.Signal", "Drive.Forward", only=_speaks_dbc
+                ),
+                Question("can.dbc.turn", "Its signal for turning left, Message.Signal", "Drive.Turn", only=_speaks_dbc),
                 Question("can.channel", "CAN interface", "can0", only=_uses("can")),
                 Question("forward_mm_s", "Highest forward speed, mm/s", 300),
                 Question("decel_mm_s2", "Deceleration when it stops, measured, mm/s2", 600),
@@ -190,17 +202,21 @@ def _load(name: str, text: str, drive: str, registry: Registry, folder: Path) ->
 
 
 def chair_text(name: str, answers: Mapping[str, Value]) -> str:
-    """The commented chair file with these answers."""
-    file: Any = tomlkit.parse(write.new_chair(name))
-    file["kind"] = answers.get("kind", "robot")
-    if answers.get("hardware_stop"):
-        file.add("hardware_stop", answers["hardware_stop"])
-    for key in ("front_mm", "rear_mm", "half_width_mm"):
-        _put(file["footprint"], key, answers.get(f"footprint.{key}"))
-    _put(file["limits"], "forward_mm_s", answers.get("forward_mm_s"))
-    _put(file["limits"], "arc_mm_s", answers.get("forward_mm_s"))
-    for key in ("decel_mm_s2", "slope_percent"):
-        _put(file["stopping"], key, answers.get(key))
+    """The commented chair file with these answers, each in the place that the file has for it."""
+    put: dict[tuple[str, str], Value] = {
+        (table, key): answers[asked]
+        for table, key, asked in (
+            ("", "kind", "kind"),
+            ("", "hardware_stop", "hardware_stop"),
+            *(("footprint", key, f"footprint.{key}") for key in ("front_mm", "rear_mm", "half_width_mm")),
+            *(("limits", key, "forward_mm_s") for key in ("forward_mm_s", "arc_mm_s")),
+            *(("stopping", key, key) for key in ("decel_mm_s2", "slope_percent")),
+        )
+        if answers.get(asked, "") != ""
+    }
+    file: Any = tomlkit.parse(_uncommented(write.new_chair(name), put))
+    for (table, key), value in put.items():
+        _put(file[table] if table else file, key, value)
     for key in ("x_mm", "z_mm", "pitch_deg"):
         _put(file["lane"]["front"]["pose"], key, answers.get(f"pose.{key}"))
     if answers.get("voice") == "no":
@@ -213,11 +229,22 @@ def chair_text(name: str, answers: Mapping[str, Value]) -> str:
     _put(settings, "cameras", cameras)
     for component in ("microphone", "keys"):
         if answers.get(f"{component}.device"):
-            table = tomlkit.table()
-            table.add("device", answers[f"{component}.device"])
-            settings.add(component, table)
+            device = tomlkit.table()
+            device.add("device", answers[f"{component}.device"])
+            settings.add(component, device)
     file.add("settings", settings)
     return tomlkit.dumps(file)
+
+
+def _uncommented(text: str, keys: Container[tuple[str, str]]) -> str:
+    """The text with the lines "# key = ..." of these (table, key) taken out of their comments."""
+    table, lines = "", []
+    for line in text.splitlines(keepends=True):
+        if found := re.match(r"\[([^]]*)\]", line):
+            table = found[1]
+        found = re.match(r"# (\w+) = ", line)
+        lines.append(line[2:] if found and (table, found[1]) in keys else line)
+    return "".join(lines)
 
 
 def _drive(file: Any, answers: Mapping[str, Value]) -> None:
@@ -228,6 +255,11 @@ def _drive(file: Any, answers: Mapping[str, Value]) -> None:
         file["drive"].add(drive, tomlkit.table())
     for key in ("port", "dialect", "channel"):
         _put(file["drive"][drive], key, answers.get(f"{drive}.{key}"))
+    if _speaks_dbc(answers):
+        table = tomlkit.table()
+        for key in ("file", "forward", "turn"):
+            _put(table, key, answers.get(f"can.dbc.{key}"))
+        file["drive"][drive].add("dbc", table)
     forward = answers.get("forward_mm_s")
     if drive == "can" and isinstance(forward, int | float):
         file["drive"][drive].add("full_forward_mm_s", max(float(forward), 500.0))
@@ -246,4 +278,5 @@ def _put(table: Any, key: str, value: Any) -> None:
     item = tomlkit.item(value)
     if old is not None and getattr(old, "trivia", None) is not None and old.trivia.comment:
         item.comment(old.trivia.comment.lstrip("# "))
+        item.trivia.comment_ws = " " * max(1, COMMENT_COLUMN - len(f"{key} = {item.as_string()}"))
     table[key] = item
