@@ -21,6 +21,13 @@ from chairward_drive_pic_serial.engine import Engine, ModelEngine
 from chairward_drive_pic_serial.rig import PicRig
 
 
+@pytest.fixture
+def rig(engine: Engine, tmp_path: Path) -> Iterator[PicRig]:
+    rig = PicRig(engine, tmp_path, step_us=1000 if isinstance(engine, ModelEngine) else 5000)
+    yield rig
+    rig.close()
+
+
 class TestPicSerial(
     DriveContract,
     RampContract,
@@ -29,12 +36,10 @@ class TestPicSerial(
     PowerContract,
     ExclusivePortContract,
     VersionContract,
-    MeasurableContract,
 ):
     """All contracts, each on both engines."""
 
-    @pytest.fixture
-    def rig(self, engine: Engine, tmp_path: Path) -> Iterator[PicRig]:
-        rig = PicRig(engine, tmp_path, step_us=1000 if isinstance(engine, ModelEngine) else 5000)
-        yield rig
-        rig.close()
+
+@pytest.mark.timeout(900)
+class TestMeasuredPic(MeasurableContract):
+    """On both engines too; half a minute of firmware time, many times that on a busy machine."""
