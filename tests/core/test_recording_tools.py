@@ -149,6 +149,17 @@ def test_inspect_tells_who_drove_and_what_happened(recording: Path) -> None:
     assert "warning: protective stop" in result.output
 
 
+def test_inspect_says_of_a_cut_file_that_it_was_cut_and_of_no_other(recording: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    whole = recording.read_bytes()
+    for kept_bytes in (len(whole) - 1, len(whole) // 2):
+        cut.write_bytes(whole[:kept_bytes])
+        assert tools.inspect(cut).cut
+        assert "it was cut" in CliRunner().invoke(app, ["record", "inspect", str(cut)]).output
+    assert not tools.inspect(recording).cut
+    assert "it was cut" not in CliRunner().invoke(app, ["record", "inspect", str(recording)]).output
+
+
 def test_export_gives_a_row_for_every_decision(recording: Path, tmp_path: Path) -> None:
     tools.export(recording, tmp_path, "csv")
     with (tmp_path / "decisions.csv").open(newline="") as file:

@@ -41,6 +41,8 @@ def inspect(
         typer.echo(json.dumps(asdict(found), indent=1))
         return
     typer.echo(f"{found.file}: {found.size / 1e6:.1f} MB, {found.seconds:.1f} s")
+    if found.cut:
+        typer.echo("it was cut, or is still being written: what comes after these seconds is not in it")
     typer.echo(f"{found.person} drove '{found.chair}' with {found.drive}" if found.chair else "it holds no plan")
     typer.echo(f"{found.decisions} decisions, {found.protective_stops} protective stops, {found.missed} missed")
     for topic, count in found.messages.items():

@@ -72,6 +72,13 @@ def parts(path: Path, first: int = 0, last: int | None = None) -> Iterator[bytes
                 at = end
 
 
+def is_cut(path: Path) -> bool:
+    """Whether the file has no end: a power cut, a killed recorder, or one that still writes. Raises OSError."""
+    with path.open("rb") as file:
+        file.seek(-min(len(MAGIC), path.stat().st_size), 2)
+        return file.read() != MAGIC
+
+
 def chunks(path: Path) -> int:
     """How many chunks the file has. Raises OSError, McapError."""
     with path.open("rb") as file:

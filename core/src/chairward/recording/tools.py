@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from chairward import records
 from chairward.facts import S
-from chairward.recording.read import entries, read_plan
+from chairward.recording.read import entries, is_cut, read_plan
 from chairward.recording.topics import LOG, PICTURES, PINS, PLAN, RECORDS, TOPICS
 
 Format = Literal["csv", "jsonl"]
@@ -20,10 +20,14 @@ Format = Literal["csv", "jsonl"]
 
 @dataclass(slots=True)
 class Contents:
-    """What a recording holds. seconds: from the first record to the last; missed: records that it lacks, as it says."""
+    """What a recording holds. seconds: from the first record to the last; missed: records that it lacks, as it says.
+
+    cut: it has no end, so what came after the last record in it is lost (or is still to be written).
+    """
 
     file: str
     size: int
+    cut: bool
     chair: str = ""
     person: str = ""
     drive: str = ""
@@ -38,7 +42,7 @@ class Contents:
 
 def inspect(path: Path) -> Contents:
     """What is in it. Raises OSError, McapError."""
-    found = Contents(str(path), path.stat().st_size)
+    found = Contents(str(path), path.stat().st_size, is_cut(path))
     counts: Counter[str] = Counter()
     began_ns = 0
     for entry in entries(path):
