@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ast
+import os
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -28,6 +31,39 @@ def test_four_files_that_python_and_pip_understand(kind: str, tmp_path: Path) ->
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_placeholder_is_left(kind: str) -> None:
     assert all("$" not in text for text in files("garden_sonar", kind).values())
+
+
+BEGINS: dict[str, tuple[str, int, str]] = {
+    # kind: (which of its tests, their exit code, what they say)
+    "sensor": ("how_far_away", 1, "450 mm ahead did not come"),
+    "drive": ("frozen", 1, "is not written yet"),
+    "recognizer": ("each_command", 0, "1 passed"),
+    "source": ("items_of_its_kind", 0, "1 passed"),
+    "observer": ("", 0, " passed"),
+}
+
+
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[int, str]]:
+    """Exit code and words of those tests of each kind of new plugin; side by side, for they mostly wait."""
+    running = {}
+    for kind, (tests, _, _) in BEGINS.items():
+        folder = write(f"new_{kind}", kind, tmp_path_factory.mktemp(kind))
+        command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-k", tests]
+        environment = {**os.environ, "PYTHONPATH": str(folder / "src")}
+        pipe = subprocess.PIPE
+        running[kind] = subprocess.Popen(command, cwd=folder, env=environment, stdout=pipe, stderr=pipe, text=True)
+    said = {kind: "".join(process.communicate(timeout=110)) for kind, process in running.items()}
+    return {kind: (running[kind].returncode, text) for kind, text in said.items()}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_new_plugin_is_green_or_red_with_a_sentence_that_says_what_is_to_do(
+    kind: str, begun: dict[str, tuple[int, str]]
+) -> None:
+    _, code, says = BEGINS[kind]
+    assert begun[kind][0] == code, begun[kind][1][-2000:]
+    assert says in begun[kind][1]
 
 
 def test_a_working_range_sensor_takes_at_most_sixty_lines() -> None:
