@@ -45,14 +45,14 @@ def decide(state: State, facts: Facts, limits: Limits) -> tuple[State, Decision]
     motion = fit(ramp(state.output, target, min(dt_s, LONGEST_RISE_S), scene), caps)
 
     reasons = binding(FORWARD if wanted == STILL else wanted, [*votes, *lease(scene)])
-    fault = next((vote for vote in votes if vote.grip is Grip.LATCHES), None) if not state.latch else None
+    faults = [vote for vote in votes if vote.grip is Grip.LATCHES and not state.latch]
     spent = wanted != STILL and target == STILL and any(vote.grip is not Grip.WAITS for vote in reasons)
     state, arm, refusals = confirm(state, facts, votes)
-    latch = say(fault) if fault else state.latch
+    latch = say(faults[0]) if faults else state.latch
     over = spent or arm or bool(latch)
     after = State(
         latch=latch,
-        needs_reset=state.needs_reset or fault is not None,
+        needs_reset=state.needs_reset or bool(faults),
         armed=facts.drive.armed and not latch and not arm,
         wish=None if over else state.wish,
         base=None if over else state.base,
@@ -74,10 +74,10 @@ def decide(state: State, facts: Facts, limits: Limits) -> tuple[State, Decision]
         open_ways=tuple([way for way, cap in zip(WAYS, caps, strict=True) if cap]),
         command=after.wish.command if after.wish else None,
         lease_left_s=lease_left_s(after, facts, limits),
-        protective_stop=was_live and (spent or fault is not None),
-        help=any(wish.command is Command.HELP for wish in facts.heard),
+        protective_stop=was_live and (spent or bool(faults)),
+        help=Command.HELP in [wish.command for wish in facts.heard],
         latch=latch,
-        notes=(*notes, *refusals, *(f"{name}: refused: {why}" for name, why in facts.refused.items())),
+        notes=(*notes, *refusals, *[f"{name}: refused: {why}" for name, why in facts.refused.items()]),
     )
 
 

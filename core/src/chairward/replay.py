@@ -115,27 +115,42 @@ def _replay_run(path: Path, limits: Limits, topics: dict[int, str], first: int, 
     """The records of some chunks."""
     run, state, topics = _Run(), State(), dict(topics)
     for part in parts(path, first, last):
-        for entry in walk(part, topics, RECORDS):
-            try:
-                record = _record_decoder.decode(entry.data)
-                before = bytes(record.before)
-                if run.last is None or before != run.last.state:
-                    state = _state_decoder.decode(before)
-            except (msgspec.DecodeError, UnicodeDecodeError) as error:
-                raise unreadable(path, run.found.decisions, error) from error
+        # chunk by chunk: first all are decoded, then all decided, each by code that is warm
+        for record, data in _decoded(path, part, topics, run.found.decisions):
+            before = bytes(record.before)
+            if run.last is None or before != run.last.state:
+                state = _state(path, before, run.found.decisions)
             begin = _End(record.tick, record.facts.now_ns, before)
             run.first = run.first or begin
             what = _linked(run.found, run.first, run.last, begin)
             after, decision = decide(state, record.facts, limits)
             was, state = bytes(record.after), after
             if _encoder.encode(after) != was or _encoder.encode(decision) != bytes(record.decision):
-                what = next(_differ(entry.data, limits), what)
+                what = next(_differ(data, limits), what)
                 state = _state_decoder.decode(was)
             if what:
                 run.found.differences.append(Difference(record.tick, what))
             run.found.decisions += 1
             run.last = _End(record.tick, record.facts.now_ns, was)
     return run
+
+
+def _decoded(path: Path, part: bytes, topics: dict[int, str], before: int) -> list[tuple[_Record, bytes]]:
+    """The records of a chunk, each with its bytes; before: how many came before them."""
+    found: list[tuple[_Record, bytes]] = []
+    try:
+        for entry in walk(part, topics, RECORDS):
+            found.append((_record_decoder.decode(entry.data), entry.data))  # noqa: PERF401 - an error tells how many
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise unreadable(path, before + len(found), error) from error
+    return found
+
+
+def _state(path: Path, data: bytes, nth: int) -> State:
+    try:
+        return _state_decoder.decode(data)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise unreadable(path, nth, error) from error
 
 
 def _linked(found: Replayed, first: _End, last: _End | None, begin: _End) -> str:

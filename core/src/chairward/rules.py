@@ -8,6 +8,7 @@ they grip the wish: WAITS (a short gap), SPENDS (a protective stop), LATCHES (a 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
+from functools import lru_cache
 from itertools import chain
 from math import inf, isfinite, isinf
 
@@ -200,6 +201,7 @@ def _watches_ahead(scene: Scene, other: Seen, blind_one: str) -> bool:
     return bool(need and Way.AHEAD in need.covers and sees and lane(other.source) != lane(blind_one))
 
 
+@lru_cache
 def _only(caps: Caps, ways: Collection[Way]) -> Caps:
     """The caps of these ways; the others open."""
     return Caps(*[cap if way in ways else inf for way, cap in zip(WAYS, caps, strict=True)])
@@ -272,7 +274,7 @@ def direction(scene: Scene) -> Votes:
         if need := limits.sensors.get(s.source):
             unwatched = [way for way in unwatched if way not in need.covers or isinf(s.mm(way))]
     if unwatched:
-        yield Envelope(_only(limits.unseen, unwatched), "direction", "", "no sensor watches that way")
+        yield Envelope(_only(limits.unseen, tuple(unwatched)), "direction", "", "no sensor watches that way")
 
 
 RULES: tuple[Callable[[Scene], Votes], ...] = (
