@@ -117,12 +117,12 @@ def _replay_run(path: Path, limits: Limits, topics: dict[int, str], first: int, 
     for part in parts(path, first, last):
         # chunk by chunk: first all are decoded, then all decided, each by code that is warm
         for record, data in _decoded(path, part, topics, run.found.decisions):
-            before = bytes(record.before)
-            if run.last is None or before != run.last.state:
+            before, prior, what = bytes(record.before), run.last, ""
+            if prior is None or before != prior.state or record.tick != prior.tick + 1:
                 state = _state(path, before, run.found.decisions)
-            begin = _End(record.tick, record.facts.now_ns, before)
-            run.first = run.first or begin
-            what = _linked(run.found, run.first, run.last, begin)
+                begin = _End(record.tick, record.facts.now_ns, before)
+                run.first = run.first or begin
+                what = _linked(run.found, run.first, prior, begin)
             after, decision = decide(state, record.facts, limits)
             was, state = bytes(record.after), after
             if _encoder.encode(after) != was or _encoder.encode(decision) != bytes(record.decision):
