@@ -304,3 +304,10 @@ def test_reset_forgets_what_had_vanished_and_a_press_that_changes_nothing_says_n
     assert decision.notes == ()
     assert after.armed
     assert not decision.hard_stop
+
+
+def test_of_several_faults_the_one_of_the_first_rule_is_told() -> None:
+    facts = healthy(LIMITS)
+    facts = replace(facts, gap_ns=1_000 * MS, drive=replace(facts.drive, linked=False, fault="unplugged"))
+    after, _ = decide(driving(), facts, LIMITS)
+    assert after.latch == "drive: unplugged"

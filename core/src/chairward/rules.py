@@ -123,10 +123,9 @@ def approach_speed(scene: Scene) -> Votes:
     """
     facts, _, limits, seen = scene
     speed = reported(facts.drive).drive_mm_s
-    t, a = limits.reaction_s, limits.decel_mm_s2
-    brakes_in_mm = stopping_distance_mm(speed, 0.0, a)
-    enough_ahead = max(brakes_in_mm, _enough_mm(limits.caps.forward_mm_s, t, a))
-    enough_behind = max(brakes_in_mm, _enough_mm(limits.caps.backward_mm_s, t, a))
+    brakes_in_mm = stopping_distance_mm(speed, 0.0, limits.decel_mm_s2)
+    enough_ahead = max(brakes_in_mm, _enough_mm(limits.caps.forward_mm_s, limits))
+    enough_behind = max(brakes_in_mm, _enough_mm(limits.caps.backward_mm_s, limits))
     for s in seen:
         room = s.ahead_mm - limits.stop_mm
         if room < enough_ahead or s.closing_mm_s:
@@ -138,9 +137,9 @@ def approach_speed(scene: Scene) -> Votes:
             yield Envelope(Caps(inf, cap, inf, inf), "approach_speed", s.source, f"{s.behind_mm:.0f} mm behind")
 
 
-@lru_cache
-def _enough_mm(cap_mm_s: float, t: float, a: float) -> float:
+def _enough_mm(cap_mm_s: float, limits: Limits) -> float:
     """The room from which a thing that stands cannot slow the chair below its own cap."""
+    t, a = limits.reaction_s, limits.decel_mm_s2
     return stopping_distance_mm(cap_mm_s, t, a) + a * t * t / 2.0
 
 
