@@ -11,6 +11,7 @@ import sys
 import time
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -190,13 +191,18 @@ def test_a_file_that_is_there_is_not_touched(tmp_path: Path) -> None:
     assert (tmp_path / "chairs" / "box.toml").read_text() == "mine"
 
 
-def test_a_can_chair_can_be_asked_for(tmp_path: Path) -> None:
-    answers = tmp_path / "answers.toml"
-    answers.write_text('drive = "can"\nvoice = "no"\n[can]\nchannel = "can1"\n')
+def made(folder: Path, answered: str) -> dict[str, Any]:
+    """The chair file that `chair new` makes of these answers."""
+    answers = folder / "answers.toml"
+    answers.write_text(answered)
     arguments = ["chair", "new", "box", "--yes", "--keep-untried", "--answers", str(answers)]
-    result = CliRunner().invoke(app, [*arguments, "--profiles", str(tmp_path)])
+    result = CliRunner().invoke(app, [*arguments, "--profiles", str(folder)])
     assert result.exit_code == 0, result.output
-    assert tomllib.loads(saved(tmp_path))["drive"]["can"]["channel"] == "can1"
+    return tomllib.loads(saved(folder))
+
+
+def test_a_can_chair_can_be_asked_for(tmp_path: Path) -> None:
+    assert made(tmp_path, 'drive = "can"\nvoice = "no"\n[can]\nchannel = "can1"\n')["drive"]["can"]["channel"] == "can1"
 
 
 def test_an_answer_stands_where_the_file_had_it_commented_out_and_keeps_its_comment() -> None:
@@ -212,12 +218,8 @@ def test_an_answer_stands_where_the_file_had_it_commented_out_and_keeps_its_comm
 
 
 def test_a_controller_that_a_dbc_file_describes_can_be_asked_for(tmp_path: Path) -> None:
-    answers = tmp_path / "answers.toml"
-    answers.write_text('drive = "can"\nvoice = "no"\n[can]\ndialect = "dbc"\n[can.dbc]\nfile = "mine.dbc"\n')
-    arguments = ["chair", "new", "box", "--yes", "--keep-untried", "--answers", str(answers)]
-    result = CliRunner().invoke(app, [*arguments, "--profiles", str(tmp_path)])
-    assert result.exit_code == 0, result.output
-    can = tomllib.loads(saved(tmp_path))["drive"]["can"]
+    answered = 'drive = "can"\nvoice = "no"\n[can]\ndialect = "dbc"\n[can.dbc]\nfile = "mine.dbc"\n'
+    can = made(tmp_path, answered)["drive"]["can"]
     assert (can["dialect"], can["dbc"]["file"], can["dbc"]["turn"]) == ("dbc", "mine.dbc", "Drive.Turn")
 
 

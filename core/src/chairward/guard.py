@@ -1,9 +1,9 @@
 """The guard: the one process that owns the arbiter and the drive. It ticks for ever and always emits.
 
-Its tick is the drive's period; it also acts when a message arrives that may take something away, so a stop does not
-wait for the tick; what only says that all is well does, and so is in nobody's way. Each lane has a budget of messages a
-tick: who spends it is not listened to until the next tick, and so goes stale. When the supervisor's end closes, the
-guard stops the chair and leaves; when the guard dies, the controller's own watchdog stops the chair.
+Its tick is the drive's period. A message that may take something away is decided upon at once, so a stop does not wait
+for the tick; a message that only says that all is well waits for it, and so delays no stop. Each lane has a budget of
+messages a tick: who spends it is not listened to until the next tick, and so goes stale. When the supervisor's end
+closes, the guard stops the chair and leaves; when the guard dies, the controller's own watchdog stops the chair.
 """
 
 from __future__ import annotations

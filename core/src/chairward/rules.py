@@ -203,7 +203,7 @@ def _watches_ahead(scene: Scene, other: Seen, blind_one: str) -> bool:
 
 @lru_cache
 def _only(caps: Caps, ways: Collection[Way]) -> Caps:
-    """The caps of these ways; the others open."""
+    """The caps of these ways; the others open. Every decision asks, and mostly the same: hence the cache."""
     return Caps(*[cap if way in ways else inf for way, cap in zip(WAYS, caps, strict=True)])
 
 

@@ -24,7 +24,7 @@ from chairward.check.report import Head, html
 from chairward.check.result import Curve, Result
 from chairward.check.stimulus import FlashedScreen
 from chairward.check.timing import Timing, write
-from chairward.check.trial import HAND, SOURCE, Trial, TrialError, on_trial, trial
+from chairward.check.trial import HAND_SOURCE, Trial, TrialError, on_trial, trial
 from chairward.cli.app import app
 from chairward.components import Context, DeviceLost, NoSettings
 from chairward.messages import Alive, Button, Command, Intent, Press
@@ -235,7 +235,7 @@ def test_a_reaction_that_is_too_long_for_the_speed_is_refused_with_the_speed_tha
 
 def test_the_hand_is_one_more_stop_device_and_the_chair_s_own_votes_stay() -> None:
     plan, tried = sim(), on_trial(sim())
-    name = f"{HAND}/{SOURCE}"
+    name = HAND_SOURCE
     assert tried.lanes[:-1] == plan.lanes
     assert set(tried.limits.stop_devices) == {*plan.limits.stop_devices, name}
     assert set(tried.limits.recognizers) == {*plan.limits.recognizers, name}
