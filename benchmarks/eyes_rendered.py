@@ -3,7 +3,8 @@
 Renders pairs and drives (rendered/: seeded rooms, materials, light, shadows, gloss, cameras, poses, baselines, focal
 lengths) into a temporary folder with a manifest in the format of the test sets, and measures them with the code of
 `chairward range evaluate`. Prints the figures and writes benchmarks/results/eyes_rendered.json. `--keep FOLDER` keeps
-the pictures of the first rooms there, for `chairward range evaluate FOLDER/manifest.csv --report out/`.
+the pictures of each lot there, takes what it finds there instead of rendering it again, and leaves manifests for
+`chairward range evaluate FOLDER/1-0-150-14/manifest.csv --report out/`.
 A lot is the same whether measured in one run or in several (`--first 10 --lots 5`). `--oracle` measures what perfect
 depth would tell.
 """
@@ -189,22 +190,31 @@ def add_drive(out: Writer, rng: np.random.Generator, materials: Atlas, name: str
 
 
 def lot(task: tuple[int, int, int, int, str, bool]) -> evaluate.Results:
-    """Render and measure one lot: (seed, number of the lot, pairs, drives, folder to keep it in or "", oracle?)."""
+    """Render and measure one lot: (seed, number of the lot, pairs, drives, folder to keep lots in or "", oracle?)."""
     cv2.setNumThreads(1)
     seed, number, pairs, drives, keep, perfect = task
-    materials = atlas(seed * 100_003 + number)
+    options = Options(region="trapezoid")
     with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(keep or temporary)
-        folder.mkdir(parents=True, exist_ok=True)
-        out = Writer(folder, [] if perfect else None)
-        for i in range(pairs):
-            add_pair(out, np.random.default_rng([seed, number, 0, i]), materials, f"p{number}_{i}")
-        for i in range(drives):
-            add_drive(out, np.random.default_rng([seed, number, 1, i]), materials, f"d{number}_{i}")
-        entries, options = manifest.read(out.close()), Options(region="trapezoid")
-        if out.truths is None:
-            return evaluate.run(entries, options, 240)
-        return evaluate.run(entries, options, 240, prepare=Oracle(iter(out.truths)).prepare)
+        folder = Path(keep or temporary) / f"{seed}-{number}-{pairs}-{drives}"
+        made = folder / "manifest.csv"
+        if perfect:
+            truths: list[Floats] = []
+            made = render(folder, seed, number, pairs, drives, truths)
+            return evaluate.run(manifest.read(made), options, 240, prepare=Oracle(iter(truths)).prepare)
+        if not made.exists():
+            made = render(folder, seed, number, pairs, drives, None)
+        return evaluate.run(manifest.read(made), options, 240)
+
+
+def render(folder: Path, seed: int, number: int, pairs: int, drives: int, truths: list[Floats] | None) -> Path:
+    """The manifest of one lot, its pictures beside it; true disparities go to `truths`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    materials, out = atlas(seed * 100_003 + number), Writer(folder, truths)
+    for i in range(pairs):
+        add_pair(out, np.random.default_rng([seed, number, 0, i]), materials, f"p{number}_{i}")
+    for i in range(drives):
+        add_drive(out, np.random.default_rng([seed, number, 1, i]), materials, f"d{number}_{i}")
+    return out.close()
 
 
 def wall_table(seed: int) -> dict[str, float]:
@@ -261,7 +271,7 @@ def main() -> None:
     lots = max(1, round(max(arguments.pairs / PAIRS_A_LOT, arguments.drives / DRIVES_A_LOT)))
     share = [[n * (i + 1) // lots - n * i // lots for n in (arguments.pairs, arguments.drives)] for i in range(lots)]
     chosen = range(lots)[arguments.first :][: arguments.lots]
-    tasks = [(arguments.seed, i, *share[i], "" if i else arguments.keep, arguments.oracle) for i in chosen]
+    tasks = [(arguments.seed, i, *share[i], arguments.keep, arguments.oracle) for i in chosen]
     results = evaluate.Results()
     with Pool(arguments.jobs) as pool:
         for i, part in enumerate(pool.imap(lot, tasks)):
