@@ -34,6 +34,10 @@ LANE_HANG_S = 5.0
 GUARD_START_S = 30.0
 GUARD_HANG_S = 2.0
 BEATS_AT_ONCE = 64
+FLOOD_BEATS = 1_000
+"""So many messages of a lane without a pause are a flood: the line holds fewer, however long nobody has read it."""
+NOTES_A_PROCESS = 3
+"""A lane has one sentence to say, when it cannot start; who says many is not written down."""
 COMPANIONS_OUTLIVE_S = 0.5
 GUARD_LEAVES_S = 5.0
 BACK_OFF_S = (0.2, 0.5, 1.0, 2.0, 5.0)
@@ -54,6 +58,8 @@ class LaneProcess:
     items: int = 0
     dropped: int = 0
     dropped_before: int = 0
+    unbroken: int = 0
+    notes: int = 0
     deaths: int = 0
     deaths_in_a_row: int = 0
     restart_at_s: float = 0.0
@@ -169,7 +175,7 @@ class Supervisor:
             old.process, old.control = process, ours
             old.started_s, old.beat_s, old.restart_at_s, old.items = time.monotonic(), 0.0, 0.0, 0
             old.dropped_before += old.dropped
-            old.dropped = 0
+            old.dropped = old.unbroken = old.notes = 0
         else:
             self.lanes[lane.name] = LaneProcess(lane, process, ours, time.monotonic())
         return guard_end, records_end
@@ -283,6 +289,8 @@ class Supervisor:
             reason = f"its process has not moved for {LANE_HANG_S:.0f} s"
         elif not lane.items and now - max(lane.started_s, lane.beat_s) > LANE_START_S:
             reason = f"its process was not ready within {LANE_START_S:.0f} s"
+        elif lane.unbroken > FLOOD_BEATS:
+            reason = "its process floods its line to the supervisor"
         if not reason:
             return
         kill_group(lane.process)  # with what it may have started; reaped by a later poll, never waited for
@@ -303,18 +311,23 @@ class Supervisor:
             except (EOFError, OSError):
                 return
             if received is None:
+                lane.unbroken = 0
                 return
+            lane.unbroken += 1
             for fd in received[1]:  # a lane has none to give
                 os.close(fd)
             match received[0]:
                 case wire.Beat(items, dropped, ended, lost):
+                    if dropped and not lane.dropped:
+                        self._note(f"lane '{lane.plan.name}' says more than the guard listens to: what is over is lost")
                     lane.beat_s, lane.items, lane.dropped, lane.lost = now, items, dropped, lost
                     if ended and not lane.ended:
                         lane.ended = True
                         self._note(f"lane '{lane.plan.name}': its input has ended")
                         if lane.plan.ends_run:
                             self.stop(f"the input of lane '{lane.plan.name}' has ended")
-                case wire.Note(text) if text not in self.events:
+                case wire.Note(text) if lane.notes < NOTES_A_PROCESS and text not in self.events:
+                    lane.notes += 1
                     self._note(text)
 
     def _restart(self, lane: LaneProcess) -> None:

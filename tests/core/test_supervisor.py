@@ -1,0 +1,211 @@
+"""How the supervisor watches lanes: who dies, hangs or floods is ended with its children, named, and started again
+after a pause that grows. (Whole chairs: tests/safety.)"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import count
+from pathlib import Path
+
+import pytest
+
+from chairward import plan, wire
+from chairward.components import Footprint
+from chairward.facts import Limits
+from chairward.plan import ChairKind, LanePlan, Part, Plan
+from chairward.supervisor import (
+    BACK_OFF_S,
+    BEATS_AT_ONCE,
+    FLOOD_BEATS,
+    FORGIVEN_S,
+    LANE_HANG_S,
+    LANE_START_S,
+    NOTES_A_PROCESS,
+    LaneProcess,
+    Supervisor,
+)
+
+LANE = LanePlan(name="front", source=Part(component="nobody"))
+WORKS = "import time; time.sleep(60)"
+
+
+class Watched:
+    """A supervisor with one lane: any Python process, and the ends of the lines that its lane and the guard hold."""
+
+    def __init__(self, run_dir: Path, code: str = WORKS) -> None:
+        process = subprocess.Popen([sys.executable, "-c", code], process_group=0, stdout=subprocess.PIPE)
+        ours, self.its_end = wire.pair()
+        control, self.guards_end = wire.pair()
+        self.supervisor = Supervisor(
+            Plan(
+                chair="t",
+                chair_file="/t.toml",
+                kind=ChairKind.SIMULATOR,
+                person="p",
+                person_file="/p.toml",
+                person_dir="/p",
+                language="en",
+                words={},
+                footprint=Footprint(front_mm=1, rear_mm=1, half_width_mm=1),
+                limits=Limits(),
+                drive=Part(component="none"),
+                lanes=(LANE,),
+            ),
+            run_dir,
+            lambda record: None,
+        )
+        self.supervisor._control = control
+        self.process = process
+        self.lane = LaneProcess(LANE, process, ours, time.monotonic())
+        self.supervisor.lanes["front"] = self.lane
+
+    def look(self, now: float | None = None) -> None:
+        self.supervisor._watch_lane(self.lane, time.monotonic() if now is None else now)
+
+    def beats(self, **fields: int) -> None:
+        wire.send_control(self.its_end, wire.Beat(**{"items": 1, "dropped": 0, **fields}))
+
+    def guard_hears(self) -> list[tuple[wire.Control, int]]:
+        """What the guard was told, and how many descriptors came with each."""
+        heard = []
+        while (received := wire.receive_control(self.guards_end)) is not None:
+            message, fds = received
+            heard.append((message, len(fds)))
+            for fd in fds:
+                os.close(fd)
+        return heard
+
+    def told(self) -> str:
+        return "\n".join(self.supervisor.events)
+
+
+@contextmanager
+def watched(run_dir: Path, code: str = WORKS) -> Iterator[Watched]:
+    it = Watched(run_dir, code)
+    try:
+        yield it
+    finally:
+        for process in {it.process, it.lane.process}:
+            process.kill()
+            process.wait(10.0)
+        assert it.process.stdout is not None
+        it.process.stdout.close()
+        assert it.supervisor._control is not None
+        for end in (it.its_end, it.guards_end, it.lane.control, it.supervisor._control):
+            end.close()
+
+
+def test_a_lane_that_dies_again_and_again_is_started_after_longer_and_longer_pauses(tmp_path: Path) -> None:
+    with watched(tmp_path, "raise SystemExit(3)") as it:
+        it.process.wait(20.0)
+        now, pauses = it.lane.started_s, []
+        for _ in range(len(BACK_OFF_S) + 2):
+            it.look(now)
+            pauses.append(round(it.lane.restart_at_s - now, 6))
+            it.lane.restart_at_s, it.lane.started_s = 0.0, now  # as a restart leaves it: and dead once more
+        assert pauses == [*BACK_OFF_S, BACK_OFF_S[-1], BACK_OFF_S[-1]]
+        it.look(now + FORGIVEN_S + 0.1)
+        assert it.lane.restart_at_s - now - FORGIVEN_S - 0.1 == pytest.approx(BACK_OFF_S[0])
+        assert it.lane.deaths == len(pauses) + 1
+        died = [message for message, _ in it.guard_hears()]
+        assert all(isinstance(message, wire.Died) and "ended with code 3" in message.reason for message in died)
+        assert len(died) == it.lane.deaths
+
+
+def test_it_is_not_started_before_the_pause_is_over_and_then_the_guard_gets_its_new_line(tmp_path: Path) -> None:
+    with watched(tmp_path, "raise SystemExit(3)") as it:
+        it.process.wait(20.0)
+        plan.write(it.supervisor.plan, it.supervisor._plan_file)
+        it.supervisor.rings = {"front": os.open("/dev/null", os.O_RDWR)}
+        it.look(1_000.0)
+        it.guard_hears()
+        it.look(1_000.0 + BACK_OFF_S[0] - 0.01)
+        assert it.lane.process is it.process
+        assert it.guard_hears() == []
+        it.look(1_000.0 + BACK_OFF_S[0])
+        assert it.lane.process is not it.process
+        assert os.getpgid(it.lane.process.pid) == it.lane.process.pid, "in a group of its own"
+        assert it.guard_hears() == [(wire.Attach("front"), 1)]
+        os.close(it.supervisor.rings["front"])
+
+
+@pytest.mark.parametrize(
+    ("items", "silent_s", "says"),
+    [(1, LANE_HANG_S + 0.1, "has not moved for 5 s"), (0, LANE_START_S + 0.1, "was not ready within 90 s")],
+)
+def test_a_lane_that_hangs_is_ended_with_all_that_it_started_and_named(
+    tmp_path: Path, items: int, silent_s: float, says: str
+) -> None:
+    starts_a_child = (
+        f"import subprocess, sys; print(subprocess.Popen([sys.executable, '-c', {WORKS!r}]).pid, flush=True)"
+    )
+    with watched(tmp_path, f"{starts_a_child}; {WORKS}") as it:
+        assert it.process.stdout is not None
+        child = int(it.process.stdout.readline())
+        now = time.monotonic()
+        it.beats(items=items)
+        it.look(now)
+        it.look(now + silent_s - 0.2)
+        assert it.supervisor.events == []
+        it.look(now + silent_s)
+        assert "lane 'front'" in it.told()
+        assert says in it.told()
+        assert it.process.wait(10.0) == -9
+        end = time.monotonic() + 10.0
+        while Path(f"/proc/{child}/stat").exists() and Path(f"/proc/{child}/stat").read_text().split()[2] != "Z":
+            assert time.monotonic() < end, "its child lives on"
+            time.sleep(0.01)
+
+
+def test_a_lane_that_beats_is_left_alone_however_long(tmp_path: Path) -> None:
+    with watched(tmp_path) as it:
+        for minute in range(10):
+            it.beats(items=minute + 1)
+            it.look(it.lane.started_s + 60.0 * minute)
+        assert it.supervisor.events == []
+        assert it.guard_hears() == []
+
+
+def test_a_lane_that_floods_its_line_to_the_supervisor_is_ended_and_named(tmp_path: Path) -> None:
+    with watched(tmp_path) as it:
+        lies = (wire.Note(f"lie {nth}") for nth in count())
+        for _ in range(2 * FLOOD_BEATS // BEATS_AT_ONCE):
+            while wire.send_control(it.its_end, next(lies)):
+                pass
+            it.look()
+        assert "lane 'front': its process floods its line to the supervisor" in it.told()
+        assert it.process.wait(10.0) == -9
+        assert len(it.supervisor.events) == NOTES_A_PROCESS + 1, "and what it says is not all written down"
+
+
+def test_beats_that_waited_for_a_supervisor_that_stood_still_are_no_flood(tmp_path: Path) -> None:
+    with watched(tmp_path) as it:
+        while wire.send_control(it.its_end, wire.Beat(items=1, dropped=0)):
+            pass
+        for _ in range(10):
+            it.look()
+        assert it.supervisor.events == []
+        assert it.process.poll() is None
+
+
+def test_a_lane_that_says_more_than_the_guard_takes_is_named_once(tmp_path: Path) -> None:
+    with watched(tmp_path) as it:
+        for dropped in (0, 5, 900):
+            it.beats(dropped=dropped)
+            it.look()
+        assert it.told().count("lane 'front' says more than the guard listens to") == 1
+        assert it.lane.dropped == 900
+
+
+def test_a_lane_that_gives_descriptors_to_the_supervisor_fills_no_table(tmp_path: Path) -> None:
+    with watched(tmp_path) as it:
+        before = len(os.listdir("/proc/self/fd"))
+        for _ in range(20):
+            wire.send_control(it.its_end, wire.Beat(items=1, dropped=0), [it.its_end.fileno()])
+        it.look()
+        assert len(os.listdir("/proc/self/fd")) == before
