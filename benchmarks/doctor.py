@@ -29,7 +29,8 @@ from doctor_controller import controller  # noqa: E402 - found where the line ab
 from doctor_faults import FAULTS, everything  # noqa: E402
 from doctor_world import World  # noqa: E402
 
-from chairward.doctor import Finding, examine  # noqa: E402
+from chairward.doctor import Finding  # noqa: E402
+from chairward.doctor.examine import examine  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "doctor.json"
 SOON_S = 10.0

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from chairward.call_help import CallHelp, CallHelpSettings
 from chairward.check.hand import CheckHand
 from chairward.components import Component, Context, NoSettings
+from chairward.findings import Check
 from chairward.hookspecs import hookimpl
 from chairward.messages import Alive, Intent, Press, Veto
 from chairward.recording import Recorder, RecorderSettings
 from chairward.tilt import Tilt, TiltSettings
-
-if TYPE_CHECKING:
-    from chairward.doctor import Check
 
 CHAIRWARD_API = 1
 

@@ -7,15 +7,12 @@ A plugin is a module (or object) behind an entry point of the group `chairward.p
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import pluggy
 import typer
 
 from chairward.components import Component
-
-if TYPE_CHECKING:
-    from chairward.doctor import Check
+from chairward.findings import Check
 
 PROJECT = "chairward"
 ENTRY_POINT_GROUP = "chairward.plugins"

@@ -16,7 +16,7 @@ from doctor_world import RATE, World, calibration, scene
 from numpy.typing import NDArray
 
 from chairward import profile
-from chairward.doctor.check import Finding, Site
+from chairward.findings import Finding, Site
 from chairward.doctor.examine import Task, site, tasks
 from chairward.doctor.place import look
 from chairward.plugins import PluginError, Registry, discover

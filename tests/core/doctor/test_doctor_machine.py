@@ -12,7 +12,7 @@ import pytest
 from doctor_faults import as_a_user
 
 from chairward.doctor import machine
-from chairward.doctor.check import Site
+from chairward.findings import Site
 from chairward.plugins import discover
 
 

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Column, Table
 from rich.text import Text
 
-from chairward.doctor import examine
+from chairward.doctor.examine import examine
 from chairward.plugins import discover
 
 

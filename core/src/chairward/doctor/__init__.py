@@ -1,8 +1,10 @@
-"""What is wrong on this machine and with this chair, each with one fix. It moves nothing."""
+"""What is wrong on this machine and with this chair, each with one fix. It moves nothing.
+
+Here is what a plugin needs to offer checks of its own; `doctor.examine` runs them.
+"""
 
 from __future__ import annotations
 
-from chairward.doctor.check import Check, Finding, Site, advised, not_tried
-from chairward.doctor.examine import examine
+from chairward.findings import Check, Finding, Site, advised, not_tried
 
-__all__ = ["Check", "Finding", "Site", "advised", "examine", "not_tried"]
+__all__ = ["Check", "Finding", "Site", "advised", "not_tried"]

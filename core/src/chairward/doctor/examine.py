@@ -22,8 +22,8 @@ import msgspec
 from chairward import plan as plans
 from chairward import profile
 from chairward.components import Settings
-from chairward.doctor.check import Check, Finding, Site, advised
 from chairward.doctor.machine import installed
+from chairward.findings import Check, Finding, Site, advised
 from chairward.plan import LanePlan, Part, Plan, fill_run_dir
 from chairward.plugins import PluginError, Registry
 from chairward.processes import kill_group, last_words, spawn

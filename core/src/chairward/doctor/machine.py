@@ -20,7 +20,7 @@ from typing import Any
 
 import platformdirs
 
-from chairward.doctor.check import Check, Finding, Site, not_tried
+from chairward.findings import Check, Finding, Site, not_tried
 from chairward.hookspecs import ENTRY_POINT_GROUP
 from chairward.plan import ChairKind, Plan
 from chairward.plugins import Registry

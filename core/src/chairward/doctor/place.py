@@ -13,8 +13,8 @@ from typing import Any
 import msgspec
 
 from chairward import plan as plans
-from chairward.doctor.check import Finding, Site, advised
 from chairward.doctor.examine import Options, Task, site, tasks
+from chairward.findings import Finding, Site, advised
 from chairward.plugins import discover_only
 from chairward.realtime import die_with_parent
 

@@ -11,13 +11,10 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
-from chairward.components import Context, EndOfInput, Pose, Settings
+from chairward.components import Component, Context, EndOfInput, Pose, Settings
 from chairward.plan import LanePlan, Part, Plan, fill_run_dir
-
-if TYPE_CHECKING:
-    from chairward.plugins import Registry
 
 T = TypeVar("T")
 
@@ -65,6 +62,14 @@ def advised(text: str, otherwise: str) -> tuple[str, str]:
     return (what, fix) if what and fix.split(" ", 1)[0].rstrip(",") in ADVICE else (text, otherwise)
 
 
+class Offers(Protocol):
+    """What a check may ask of the registry of plugins."""
+
+    def get(self, kind: str, name: str) -> Component:
+        """The component `name` of `kind`. Raises PluginError."""
+        ...
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Site:
     """Where a check looks: the whole plan, and in it the part that the check is for.
@@ -73,7 +78,7 @@ class Site:
     below it are dev, sys, proc and run.
     """
 
-    registry: Registry
+    registry: Offers
     plan: Plan | None = None
     lane: LanePlan | None = None
     part: Part | None = None
