@@ -11,7 +11,7 @@ import pytest
 
 from chairward.components import DriveError
 from chairward.testing.drive_contract import DriveContract
-from chairward.testing.drive_extras import ExclusivePortContract, RampContract
+from chairward.testing.drive_extras import ExclusivePortContract, PowerContract, RampContract, SoftStartContract
 from chairward.testing.drive_rig import DriveRig
 from chairward_drive_can.bus import Bus, LibraryBus
 from chairward_drive_can.frames import Frame
@@ -80,7 +80,7 @@ def vcan_rig(vcan_settings: CanSettings, rnet_rig_type: Any) -> Iterator[DriveRi
     link("up")
 
 
-class TestRnetOverVcan(DriveContract, RampContract, ExclusivePortContract):
+class TestRnetOverVcan(DriveContract, RampContract, SoftStartContract, PowerContract, ExclusivePortContract):
     """Takeover `follow` on a real CAN socket."""
 
     @pytest.fixture
