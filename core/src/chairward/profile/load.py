@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import platformdirs
 
-from chairward.components import Component, Footprint, Pose
+from chairward.components import Footprint, Pose
 from chairward.facts import MS, Limits
 from chairward.messages import Command, Way
-from chairward.plan import ChairKind, LanePlan, Part, Plan
-from chairward.plugins import PluginError, Registry
+from chairward.plan import LanePlan, Part, Plan
+from chairward.plugins import Registry
 from chairward.profile import files, lanes, refusals
 from chairward.profile.errors import ProfileError
 from chairward.profile.files import Override, ProfileFile
@@ -22,10 +21,8 @@ from chairward.profile.limits import resolve
 from chairward.profile.merge import merge, validated
 from chairward.profile.models import Chair, LimitsTable, Person
 from chairward.profile.proof import Proof, prove
-from chairward.profile.settings import Layer, Slot, parts
-
-RECORDER = "recorder"
-"""The observer that `chairward run` adds; settings.recorder in either file is for it."""
+from chairward.profile.settings import Slot, parts
+from chairward.profile.slots import RECORDER, Given, every_slot
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,14 +100,15 @@ def load_files(
             f"{person_file.label}: chair = {', '.join(rider.chairs)}, but this chair is '{table.name}': "
             "add it there once it was tried with this person"
         )
-    return _Loading(chair_file, table, person_file, rider, overrides, registry).result()
+    rider = _overridden(rider, overrides)
+    return _Loading(Given(chair_file, table, person_file, rider, overrides, registry)).result()
 
 
 def load_chair(file: ProfileFile, drive: str, registry: Registry) -> Loaded:
     """A chair file on its own, with somebody who asks for nothing, and one of its drives. Raises ProfileError."""
     chair = read_chair(file)
     nobody = Person(name="nobody", chair=chair.name, drive=drive, words={"stop": Command.STOP})
-    return _Loading(file, chair, file, nobody, [], registry).result()
+    return _Loading(Given(file, chair, file, nobody, (), registry)).result()
 
 
 def check_chair(file: ProfileFile, registry: Registry) -> Loaded:
@@ -119,32 +117,34 @@ def check_chair(file: ProfileFile, registry: Registry) -> Loaded:
     return next((loaded for loaded in every if loaded.unmeasured), every[0])
 
 
-class _Loading:
-    """One load: the files that were read, and the steps from them to a plan."""
+def _overridden(person: Person, overrides: Sequence[Override]) -> Person:
+    """`--set drive=...` and `--set language=...`."""
+    raw = person.model_dump(mode="json")
+    for change in overrides:
+        if not change.table:
+            person = validated(Person, {**raw, change.key: change.value}, "--set ")
+            raw = person.model_dump(mode="json")
+    return person
 
-    def __init__(
-        self,
-        chair_file: ProfileFile,
-        chair: Chair,
-        person_file: ProfileFile,
-        person: Person,
-        overrides: Sequence[Override],
-        registry: Registry,
-    ) -> None:
-        self.chair_file, self.chair, self.label = chair_file, chair, chair_file.label
-        self.person_file, self.person, self.overrides = person_file, self._overridden(person, overrides), overrides
-        self.registry = registry
+
+class _Loading:
+    """One load: what was given, and the steps from it to a plan."""
+
+    def __init__(self, given: Given) -> None:
+        self.given = given
+        self.chair, self.label, self.overrides = given.chair, given.label, given.overrides
+        self.person, self.rider = given.person, given.person_file.label
 
     def result(self) -> Loaded:
         """All checks, in the order in which their errors help most."""
         limits = self._limits()
-        found = lanes.find(self.chair, self.registry, self.label)
+        found = lanes.find(self.chair, self.given.registry, self.label)
         drive = self._drive()
-        slots = self._slots(found, drive)
+        slots = every_slot(self.given, found, drive)
         made = parts(slots, self.chair.choices, self.label)
         votes = lanes.votes(found)
         listens = any(kind == "recognizer" for lane in found for kind, _ in lane.stages)
-        refusals.words(self.person, self.person_file.label, self.chair, limits, listens=listens)
+        refusals.words(self.person, self.rider, self.chair, limits, listens=listens)
         refusals.stop_device(self.label, found)
         refusals.covers_ahead(self.label, found)
         refusals.ridden(self.chair, self.label, found, slots, made)
@@ -158,19 +158,9 @@ class _Loading:
         plan = self._plan(found, drive, by_place, resolve(limits, self.chair, votes, proof))
         return Loaded(plan, proof, self._origins(slots), unmeasured)
 
-    @staticmethod
-    def _overridden(person: Person, overrides: Sequence[Override]) -> Person:
-        """`--set drive=...` and `--set language=...`."""
-        raw = person.model_dump(mode="json")
-        for change in overrides:
-            if not change.table:
-                person = validated(Person, {**raw, change.key: change.value}, "--set ")
-                raw = person.model_dump(mode="json")
-        return person
-
     def _limits(self) -> LimitsTable:
         """The chair's limits, then the person's, then `--set limits.*` as a further wish of the person."""
-        limits = merge(self.chair.limits, self.person.limits, f"{self.person_file.label}: limits.")
+        limits = merge(self.chair.limits, self.person.limits, f"{self.rider}: limits.")
         sets = {change.key: change.value for change in self.overrides if change.table == "limits"}
         return merge(self.chair.limits, {**self.person.limits, **sets}, "--set limits.") if sets else limits
 
@@ -179,7 +169,7 @@ class _Loading:
         if any(change.table == "limits" and change.key == key for change in self.overrides):
             return f"--set limits.{key}"
         if key in self.person.limits:
-            return f"{self.person_file.label}: limits.{key}"
+            return f"{self.rider}: limits.{key}"
         return f"{self.label}: {'limits' if key in LimitsTable.model_fields else 'stopping'}.{key}"
 
     def _drive(self) -> str:
@@ -188,103 +178,22 @@ class _Loading:
         names = ", ".join(offered)
         if self.person.drive is None:
             if len(offered) > 1:
-                raise ProfileError(f"{self.person_file.label}: drive is missing: this chair offers {names}, choose one")
+                raise ProfileError(f"{self.rider}: drive is missing: this chair offers {names}, choose one")
             return next(iter(offered))
         if self.person.drive not in offered:
             changed = any(c.key == "drive" and not c.table for c in self.overrides)
-            place = "--set drive" if changed else f"{self.person_file.label}: drive"
+            place = "--set drive" if changed else f"{self.rider}: drive"
             raise ProfileError(f"{place} = '{self.person.drive}', but this chair offers only {names}")
         return self.person.drive
-
-    def _component(self, kind: str, name: str, key: str) -> Component:
-        try:
-            return self.registry.get(kind, name)
-        except PluginError as error:
-            raise ProfileError(f"{self.label}: {key} = '{name}': {error}") from None
-
-    def _slots(self, found: Sequence[Lane], drive: str) -> list[Slot]:
-        """Every component of the chair with the layers of its settings."""
-        chair, slots = self.chair, []
-        for lane in found:
-            names = [lane.source.name, *lane.table.stages]
-            for name in lane.table.settings:
-                if name not in names:
-                    raise ProfileError(
-                        f"{self.label}: lane.{lane.name}.settings.{name}: this lane has no '{name}' "
-                        f"(it has: {', '.join(names)})"
-                    )
-            for _, component in lane.components:
-                own = lane.table.settings.get(component.name, {})
-                place = f"lane.{lane.name}.settings.{component.name}."
-                slots.append(self._slot(component, place, own, lane.name, f"lane.{lane.name}.{component.name}"))
-        for name, own in chair.drive.items():
-            if name == drive or name in self.registry.components["drive"]:
-                component = self._component("drive", name, "drive")
-                slots.append(self._slot(component, f"drive.{name}.", own, "", f"drive.{name}"))
-        for kind, tables in (("companion", chair.companion), ("observer", chair.observer)):
-            for name, part in tables.items():
-                if part.with_drive is not None and part.with_drive not in chair.drive:
-                    raise ProfileError(
-                        f"{self.label}: {kind}.{name}.with_drive = '{part.with_drive}', but this chair offers only "
-                        f"{', '.join(chair.drive)}"
-                    )
-                if part.with_drive in (None, drive):
-                    component = self._component(kind, part.component, f"{kind}.{name}.component")
-                    place = f"{kind}.{name}.settings."
-                    slots.append(self._slot(component, place, part.settings, "", f"{kind}.{name}"))
-        recorder = self.registry.components["observer"].get(RECORDER)
-        if recorder is not None and all(slot.component.name != RECORDER for slot in slots):
-            slots.append(self._slot(recorder, f"settings.{RECORDER}.", {}, "", RECORDER))  # named by the file or not
-        self._check_used(slots)
-        return slots
-
-    def _slot(self, component: Component, place: str, own: dict[str, Any], lane: str, where: str) -> Slot:
-        """The layers of one component, weakest first."""
-        name, chair_dir = component.name, self.chair_file.path.parent
-        layers = [
-            Layer(self.chair.settings.get(name, {}), f"{self.label}: settings.{name}.", chair_dir),
-            Layer(own, f"{self.label}: {place}", chair_dir),
-            Layer(
-                self.person.settings.get(name, {}),
-                f"{self.person_file.label}: settings.{name}.",
-                self.person_file.path.parent,
-                asks=True,
-            ),
-        ]
-        asks = self.chair.kind is ChairKind.CHAIR
-        layers += [
-            Layer(change.values, change.where, Path.cwd(), asks=asks)
-            for change in self.overrides
-            if change.table == name
-        ]
-        return Slot(component, tuple(layer for layer in layers if layer.values), where, f"{self.label}: {place}", lane)
-
-    def _check_used(self, slots: Sequence[Slot]) -> None:
-        """Settings of a component that is not in this chair are mistakes, not wishes."""
-        used = {slot.component.name for slot in slots}
-        offered = used | set(self.chair.drive) | {c.component for c in self.chair.companion.values()}
-        named = [(f"{self.label}: settings.{name}", name) for name in self.chair.settings]
-        named += [(f"{self.label}: choices.{name}", name) for name in self.chair.choices]
-        named += [(f"{self.person_file.label}: settings.{name}", name) for name in self.person.settings]
-        named += [(f"--set {c.table}.{c.key}", c.table) for c in self.overrides if c.table not in ("", "limits")]
-        for text, name in named:
-            if text.startswith("--set") and name in Chair.model_fields:
-                raise ProfileError(
-                    f"{text}: stands in the chair file alone: --set takes limits and components' settings"
-                )
-            if name not in offered:
-                raise ProfileError(
-                    f"{text}: this chair uses no component '{name}' (it uses: {', '.join(sorted(used))})"
-                )
 
     def _plan(self, found: Sequence[Lane], drive: str, by_place: dict[str, Part], limits: Limits) -> Plan:
         chair, person = self.chair, self.person
         return Plan(
             chair=chair.name,
-            chair_file=str(self.chair_file.path),
+            chair_file=str(self.given.chair_file.path),
             kind=chair.kind,
             person=person.name,
-            person_file=str(self.person_file.path),
+            person_file=str(self.given.person_file.path),
             person_dir=str(platformdirs.user_data_path("chairward") / "people" / person.name),
             language=person.language,
             words={word: str(command) for word, command in person.words.items()},
