@@ -3,10 +3,13 @@
     python benchmarks/ears.py compare MANIFEST [--placements 1] [--speakers 3] [--source asc]
     python benchmarks/ears.py speed
     python benchmarks/ears.py fit MANIFEST
+    python benchmarks/ears.py evaluate|stops|variants MANIFEST
 
 `compare`: default, thesis_text, thesis_code and a Raven-like matcher (13 MFCC, cosine DTW, no noise handling, behind
 our endpointer) on equal streams; pocketsphinx, when installed, on English sources with the true bounds given to it (an
 advantage). `speed`: our kernel and, when installed, dtaidistance. Extra packages: pocketsphinx, dtaidistance.
+`evaluate`: `words evaluate` as it stands. `stops`: the same of the word "stop" alone, in many more places. `variants`:
+words said slowly, slurred, loudly and softly. All but `speed` write their figures into results/ears.json.
 """
 
 from __future__ import annotations
@@ -24,14 +27,16 @@ import numpy as np
 import numpy.typing as npt
 import report
 
-from chairward_voice_dtw import calibrate, calibration, dtw, evaluate
+from chairward_voice_dtw import calibrate, calibration, dtw, evaluate, reporting
 from chairward_voice_dtw.audio import RATE_HZ, Resampler
 from chairward_voice_dtw.engine import Heard, frame_end_s
 from chairward_voice_dtw.figures import Share, share
 from chairward_voice_dtw.frontend import HOP, features
+from chairward_voice_dtw.plan import Plan, Trial
 from chairward_voice_dtw.segmenter import LISTENERS, Segmenter
 from chairward_voice_dtw.streams import STREAM_HZ, by_role, embed, family, load, read_manifest
 from chairward_voice_dtw.templates import Template, from_files
+from chairward_voice_dtw.variants import VARIANTS
 
 SNRS = (None, 20.0, 10.0, 5.0)
 ENGLISH = ("sc", "fsdd", "tts")
@@ -81,8 +86,8 @@ def compare(manifest: Path, placements: int, most: int, wanted: str) -> None:
     """Closed-set accuracy of each engine by source and SNR, added to results/ears.json."""
     rows = read_manifest(manifest)
     speakers = evaluate.speakers_of(rows)
-    engines: dict[str, Callable[[str, float | None, int], list[evaluate.Trial]]] = {
-        name: (lambda s, snr, p, n=name: evaluate.trials(evaluate.Plan(manifest=manifest, engine=n), s, snr, p))  # type: ignore[misc]
+    engines: dict[str, Callable[[str, float | None, int], list[Trial]]] = {
+        name: (lambda s, snr, p, n=name: evaluate.trials(Plan(manifest=manifest, engine=n), s, snr, p))  # type: ignore[misc]
         for name in ("default", "thesis_text", "thesis_code")
     }
     engines["Raven-like"] = lambda s, snr, p: raven_trials(manifest, s, snr, p)
@@ -95,12 +100,14 @@ def compare(manifest: Path, placements: int, most: int, wanted: str) -> None:
         for name, run in engines.items():
             for snr in SNRS:
                 found = [t for s in mine for p in range(placements) for t in run(s, snr, p)]
-                table.setdefault(name, {})[label(snr)] = evaluate.cell(found, "stop")["closed_set_accuracy_pct"]
+                table.setdefault(name, {})[reporting.snr_name(snr)] = reporting.cell(found, "stop")[
+                    "closed_set_accuracy_pct"
+                ]
         if source in ENGLISH and (peer := pocketsphinx(manifest, mine)) is not None:
             table["pocketsphinx, true bounds"] = peer
         result.setdefault("compare", {})[source] = {"speakers": mine, "placements": placements, "engines": table}
         print(source, *(f"{name}: {row}" for name, row in table.items()), sep="\n  ", flush=True)
-        report.save("ears", {"machine": report.machine(), **{k: v for k, v in result.items() if k != "machine"}})
+        save(result)
 
 
 def load_results() -> dict[str, Any]:
@@ -109,12 +116,7 @@ def load_results() -> dict[str, Any]:
     return json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
 
 
-def label(snr: float | None) -> str:
-    """As in the reports."""
-    return "clean" if snr is None else f"{snr:g}"
-
-
-def raven_trials(manifest: Path, speaker: str, snr: float | None, placement: int) -> list[evaluate.Trial]:
+def raven_trials(manifest: Path, speaker: str, snr: float | None, placement: int) -> list[Trial]:
     """The same streams as `evaluate.trials`, through the Raven-like matcher."""
     roles = by_role(read_manifest(manifest), speaker)
     files: dict[str, list[Path]] = {}
@@ -122,9 +124,7 @@ def raven_trials(manifest: Path, speaker: str, snr: float | None, placement: int
         files.setdefault(row.word, []).append(row.path)
     templates = from_files(files)
     words = [t.word for t in templates]
-    return evaluate.trials(
-        evaluate.Plan(manifest=manifest), speaker, snr, placement, lambda: RavenLike(templates, words)
-    )
+    return evaluate.trials(Plan(manifest=manifest), speaker, snr, placement, lambda: RavenLike(templates, words))
 
 
 def pocketsphinx(manifest: Path, speakers: Sequence[str]) -> dict[str, Share] | None:
@@ -161,7 +161,7 @@ def pocketsphinx(manifest: Path, speakers: Sequence[str]) -> dict[str, Share] | 
                 said = decoder.hyp()
                 right += said is not None and names.get(said.hypstr) == placed.word
                 total += 1
-        found[label(snr)] = share(right, total)
+        found[reporting.snr_name(snr)] = share(right, total)
     return found
 
 
@@ -211,8 +211,36 @@ def fit(manifest: Path, seed: int) -> None:
     with TemporaryDirectory() as folder:
         weights = Path(folder) / "weights.json"
         weights.write_text(calibration.text(partial), encoding="utf-8")
-        plan = evaluate.Plan(manifest=manifest, speakers=held, weights=weights, hours=1.0, seed=seed + 1)
+        plan = Plan(manifest=manifest, speakers=held, weights=weights, hours=1.0, seed=seed + 1)
         result["held_back"] = {"speakers": held, **evaluate.evaluate(plan, tell)}
+    save(result)
+
+
+def measure(manifest: Path, what: str) -> None:
+    """The report of one plan for every speaker, written into results/ears.json under its name."""
+    plans = {"evaluate": Plan(manifest=manifest), "stops": Plan(manifest=manifest, words=("stop",), placements=20)}
+    result = load_results()
+    result[what] = evaluate.evaluate(plans[what], tell)
+    save(result)
+
+
+def variants(manifest: Path, placements: int) -> None:
+    """The words of all speakers at 20 dB, said otherwise than they were enrolled; written into results/ears.json."""
+    result: dict[str, Any] = load_results()
+    table: dict[str, dict[str, Share]] = {}
+    for name in VARIANTS:
+        plan = Plan(manifest=manifest, variant=name)
+        speakers = evaluate.speakers_of(read_manifest(manifest))
+        found = [t for s in speakers for p in range(placements) for t in evaluate.trials(plan, s, 20.0, p)]
+        figures = reporting.cell(found, plan.stop_word)
+        table[name] = {key: figures[key] for key in ("accuracy_pct", "wrong_word_pct", "unknown_accepted_pct")}
+        print(name, table[name], flush=True)
+    result["variants"] = {"snr_db": 20.0, "speakers": len(speakers), "placements": placements, "said": table}
+    save(result)
+
+
+def save(result: dict[str, Any]) -> None:
+    """Into results/ears.json, with the machine of this call."""
     report.save("ears", {**result, "machine": report.machine()})
 
 
@@ -224,7 +252,7 @@ def tell(line: str) -> None:
 def main() -> None:
     """See the module's docstring."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("compare", "speed", "fit"))
+    parser.add_argument("what", choices=("compare", "speed", "fit", "evaluate", "stops", "variants"))
     parser.add_argument("manifest", type=Path, nargs="?")
     parser.add_argument("--placements", type=int, default=1)
     parser.add_argument("--speakers", type=int, default=1000, help="at most, of each source")
@@ -237,6 +265,10 @@ def main() -> None:
         parser.error(f"{options.what} needs a manifest")
     elif options.what == "fit":
         fit(options.manifest, options.seed)
+    elif options.what == "variants":
+        variants(options.manifest, options.placements)
+    elif options.what in ("evaluate", "stops"):
+        measure(options.manifest, options.what)
     else:
         compare(options.manifest, options.placements, options.speakers, options.source)
 

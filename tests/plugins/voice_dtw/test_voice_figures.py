@@ -11,7 +11,9 @@ from typer.testing import CliRunner
 
 from chairward_voice_dtw import calibration, figures
 from chairward_voice_dtw.cli import words as app
-from chairward_voice_dtw.evaluate import Plan, correct, trials
+from chairward_voice_dtw.evaluate import trials
+from chairward_voice_dtw.plan import Plan
+from chairward_voice_dtw.reporting import correct
 from chairward_voice_dtw.streams import STREAM_HZ, Row, embed, word_bounds
 from chairward_voice_dtw.variants import VARIANTS, said
 

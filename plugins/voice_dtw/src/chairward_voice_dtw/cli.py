@@ -1,53 +1,20 @@
-"""`chairward words ...`: record, import, list, test and evaluate a person's words."""
+"""`chairward words ...`: record, import, list and try a person's words."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from chairward_voice_dtw.cli_evaluate import evaluate
+from chairward_voice_dtw.options import Folder, Person, StopWord, WordSet, fail, people_dir, person_dir
+from chairward_voice_dtw.settings import VoiceSettings
+
 if TYPE_CHECKING:
     from chairward_voice_dtw.store import WordStore
-from chairward_voice_dtw.settings import EngineName, VoiceSettings
 
 words = typer.Typer(help="A person's own words: record, import, list, try, evaluate.", no_args_is_help=True)
-
-Person = Annotated[str, typer.Option("--person", help="whose words")]
-Folder = Annotated[
-    Path | None, typer.Option("--dir", help="folder of the person's recordings (default: the user's data folder)")
-]
-
-WordSet = Annotated[
-    str,
-    typer.Option("--set", help="another set of recordings of the same person: tired, hoarse; empty: the usual voice"),
-]
-
-StopWord = Annotated[str, typer.Option("--stop-word", help="the word that means stop")]
-
-
-def people_dir() -> Path:
-    """The folder with one folder for each person: what `chairward.profile` uses too."""
-    import platformdirs
-
-    return Path(platformdirs.user_data_dir("chairward")) / "people"
-
-
-def person_dir(person: str, folder: Path | None) -> Path:
-    """Where a person's recordings are kept. Raises StoreError."""
-    from chairward_voice_dtw.store import folder_of
-
-    return folder_of(people_dir(), person) if folder is None else folder
-
-
-def fail(error: Exception) -> typer.Exit:
-    """One sentence on stderr, exit code 1."""
-    said = str(error)
-    if isinstance(error, OSError):
-        said = f"{error.filename} cannot be written ({error.strerror}): choose another folder by --dir"
-    typer.echo(f"chairward words: {said}", err=True)
-    return typer.Exit(1)
 
 
 @words.command("list")
@@ -227,100 +194,4 @@ def shades(bands: list[list[float]], inks: str = " .:-=+*#%@") -> list[str]:
     return ["".join(ink(power) for power in row) for row in bands]
 
 
-@words.command()
-def evaluate(
-    manifest: Annotated[Path, typer.Argument(help="csv with path, word, speaker, role, source")],
-    templates: Annotated[int, typer.Option("--templates", min=1, max=20, help="recordings of each word to use")] = 3,
-    snr: Annotated[str, typer.Option("--snr", help="comma separated: clean or dB")] = "clean,20,10,5",
-    hours: Annotated[float, typer.Option("--hours", min=0.0, help="of sound without commands")] = 3.0,
-    engine: Annotated[str, typer.Option("--engine", help=", ".join(get_args(EngineName)))] = "default",
-    placements: Annotated[int, typer.Option("--placements", min=1, help="streams for each speaker and SNR")] = 2,
-    stop_word: StopWord = "stop",
-    seed: Annotated[int, typer.Option("--seed", min=0, help="of places, noises and levels")] = 1,
-    threshold: Annotated[float, typer.Option("--threshold", help="log-odds a word needs")] = VoiceSettings().threshold,
-    stop_threshold: Annotated[
-        float, typer.Option("--stop-threshold", help="log-odds the stop word needs")
-    ] = VoiceSettings().stop_threshold,
-    processes: Annotated[int, typer.Option("--processes", min=0, help="0: up to two")] = 0,
-    embedding: Annotated[
-        bool, typer.Option("--embedding/--no-embedding", help="use the speech embedding where it is installed")
-    ] = True,
-    variant: Annotated[str, typer.Option("--variant", help="usual, slow, slurred, loud, soft")] = "usual",
-    quick: Annotated[bool, typer.Option("--quick", help="one placement, 6 minutes without commands")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="the whole report as JSON")] = False,
-) -> None:
-    """Measure accuracy, rejection, latency and false accepts on recordings, through the streaming path."""
-    from chairward_voice_dtw.audio import SoundError
-    from chairward_voice_dtw.evaluate import Plan
-    from chairward_voice_dtw.evaluate import evaluate as run
-    from chairward_voice_dtw.variants import VARIANTS
-
-    try:
-        snrs = tuple(None if part.strip() == "clean" else float(part) for part in snr.split(","))
-    except ValueError:
-        raise fail(ValueError(f"--snr {snr}: write clean or numbers of dB, separated by commas")) from None
-    if engine not in get_args(EngineName):
-        raise fail(ValueError(f"--engine {engine}: allowed are {', '.join(get_args(EngineName))}"))
-    if variant not in VARIANTS:
-        raise fail(ValueError(f"--variant {variant}: allowed are {', '.join(VARIANTS)}"))
-    settings = VoiceSettings(threshold=threshold, stop_threshold=stop_threshold)
-    plan = Plan(
-        manifest=manifest.absolute(),
-        templates=templates,
-        snrs=snrs,
-        hours=0.1 if quick else hours,
-        placements=1 if quick else placements,
-        engine=engine,  # type: ignore[arg-type]
-        stop_word=stop_word,
-        seed=seed,
-        processes=processes,
-        embedding=embedding,
-        variant=variant,
-        settings=settings,
-    )
-    try:
-        result = run(plan, lambda line: typer.echo(line, err=True))
-    except SoundError as error:
-        raise fail(error) from None
-    if as_json:
-        typer.echo(json.dumps(result, ensure_ascii=False, indent=1))
-        return
-    for line in table(result):
-        typer.echo(line)
-
-
-def table(result: dict[str, Any]) -> list[str]:
-    """The report's main figures, a line for each source and SNR."""
-    columns: tuple[str, ...] = ("accuracy_pct", "closed_set_accuracy_pct", "stop_recall_pct", "unknown_accepted_pct")
-    columns += ("unknown_accepted_at_95_pct", "cut_early_pct", "never_ended_pct", "undetected_pct")
-    lines = [f"engine {result['engine']}, speech embedding {'used' if result['speech_embedding'] else 'not used'}"]
-    for source, cells in result["sources"].items():
-        lines.append(f"{source} ({next(iter(cells.values()))['speakers']} speakers)")
-        for snr, figures in cells.items():
-            parts = [
-                f"{name.removesuffix('_pct')} {value['pct']} [{value['low']}..{value['high']}]"
-                for name in columns
-                if (value := figures[name])["n"]
-            ]
-            parts.append(f"EER {figures['equal_error_rate_pct']}")
-            parts.append(
-                f"end to intent p50/p95 {figures['end_to_intent_ms']['p50']}/{figures['end_to_intent_ms']['p95']} ms"
-            )
-            lines.append(f"  {snr}: n {figures['accuracy_pct']['n']}  " + "  ".join(parts))
-    false = result["false_accepts_per_hour"]
-    lines.append(
-        f"false accepts an hour ({false['hours']} h): motion {false['motion']['per_hour']} "
-        f"[{false['motion']['low']}..{false['motion']['high']}], stop {false['stop']['per_hour']}, "
-        f"motion when armed {false['motion_armed']['per_hour']}"
-    )
-    lines += [
-        f"  at threshold {p['threshold']:+.1f}: accuracy {p['accuracy_pct']['pct']}, "
-        f"unknown accepted {p['unknown_accepted_pct']['pct']}, "
-        f"false accepts an hour {p['false_accepts_per_hour']['per_hour']}"
-        for p in result["operating_points"]
-    ]
-    lines.append(
-        f"CPU: {result['cpu_ms_per_s']} ms per second of sound; deciding p50/p95 "
-        f"{result['deciding_ms']['p50']}/{result['deciding_ms']['p95']} ms"
-    )
-    return lines
+words.command()(evaluate)
