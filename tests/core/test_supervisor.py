@@ -21,7 +21,7 @@ from chairward.plan import ChairKind, LanePlan, Part, Plan
 from chairward.supervisor import (
     BACK_OFF_S,
     BEATS_AT_ONCE,
-    FLOOD_BEATS,
+    FLOOD_A_SECOND,
     FORGIVEN_S,
     LANE_HANG_S,
     LANE_START_S,
@@ -174,10 +174,10 @@ def test_a_lane_that_beats_is_left_alone_however_long(tmp_path: Path) -> None:
 def test_a_lane_that_floods_its_line_to_the_supervisor_is_ended_and_named(tmp_path: Path) -> None:
     with watched(tmp_path) as it:
         lies = (wire.Note(f"lie {nth}") for nth in count())
-        for _ in range(2 * FLOOD_BEATS // BEATS_AT_ONCE):
-            while wire.send_control(it.its_end, next(lies)):
-                pass
-            it.look()
+        for _ in range(2 * FLOOD_A_SECOND // BEATS_AT_ONCE):
+            for _ in range(BEATS_AT_ONCE - 1):  # so that its line is empty after each look
+                wire.send_control(it.its_end, next(lies))
+            it.look(1_000.0)
         assert "lane 'front': its process floods its line to the supervisor" in it.told()
         assert it.process.wait(10.0) == -9
         assert len(it.supervisor.events) == NOTES_A_PROCESS + 1, "and what it says is not all written down"
@@ -188,7 +188,8 @@ def test_beats_that_waited_for_a_supervisor_that_stood_still_are_no_flood(tmp_pa
         while wire.send_control(it.its_end, wire.Beat(items=1, dropped=0)):
             pass
         for _ in range(10):
-            it.look()
+            it.look(1_000.0)
+        assert wire.receive_control(it.lane.control) is None, "all is read"
         assert it.supervisor.events == []
         assert it.process.poll() is None
 

@@ -195,15 +195,15 @@ class Rig:
             return self.supervisor.companions[name].pid
         return self.supervisor.lanes[name].process.pid
 
-    def reasons(self, since_ns: int) -> str:
-        """All that people were told since then."""
+    def reasons(self, since_ns: int, events_before: int = 0) -> str:
+        """All that people were told since then, and of the run's events all but the first few."""
         said: list[str] = []
         for r in list(self.records):
             if r.facts.now_ns >= since_ns:
                 said += [f"{w.rule} {w.source} {w.detail}" for w in r.decision.reasons]
                 said += [r.decision.latch, *r.decision.notes]
                 said += [f"{source}: {why}" for source, why in r.facts.lost.items()]
-        return "\n".join([*sorted(set(said)), *self.supervisor.events])
+        return "\n".join([*sorted(set(said)), *self.supervisor.events[events_before:]])
 
 
 def load(folder: Path, chair: str = CHAIR, sets: tuple[str, ...] = (), *, drive: str = "pic_serial") -> Plan:

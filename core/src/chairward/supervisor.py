@@ -34,8 +34,8 @@ LANE_HANG_S = 5.0
 GUARD_START_S = 30.0
 GUARD_HANG_S = 2.0
 BEATS_AT_ONCE = 64
-FLOOD_BEATS = 1_000
-"""So many messages of a lane without a pause are a flood: the line holds fewer, however long nobody has read it."""
+FLOOD_A_SECOND = 500
+"""More of a lane's messages than this are a flood. A line that nobody has read for long holds fewer."""
 NOTES_A_PROCESS = 3
 """A lane has one sentence to say, when it cannot start; who says many is not written down."""
 COMPANIONS_OUTLIVE_S = 0.5
@@ -58,7 +58,8 @@ class LaneProcess:
     items: int = 0
     dropped: int = 0
     dropped_before: int = 0
-    unbroken: int = 0
+    said: int = 0
+    said_since_s: float = 0.0
     notes: int = 0
     deaths: int = 0
     deaths_in_a_row: int = 0
@@ -175,7 +176,7 @@ class Supervisor:
             old.process, old.control = process, ours
             old.started_s, old.beat_s, old.restart_at_s, old.items = time.monotonic(), 0.0, 0.0, 0
             old.dropped_before += old.dropped
-            old.dropped = old.unbroken = old.notes = 0
+            old.dropped = old.said = old.notes = 0
         else:
             self.lanes[lane.name] = LaneProcess(lane, process, ours, time.monotonic())
         return guard_end, records_end
@@ -289,7 +290,7 @@ class Supervisor:
             reason = f"its process has not moved for {LANE_HANG_S:.0f} s"
         elif not lane.items and now - max(lane.started_s, lane.beat_s) > LANE_START_S:
             reason = f"its process was not ready within {LANE_START_S:.0f} s"
-        elif lane.unbroken > FLOOD_BEATS:
+        elif lane.said > FLOOD_A_SECOND:
             reason = "its process floods its line to the supervisor"
         if not reason:
             return
@@ -305,15 +306,16 @@ class Supervisor:
         wire.send_control(self._control, wire.Died(lane.plan.name, reason[:500]))
 
     def _read_beats(self, lane: LaneProcess, now: float) -> None:
+        if now - lane.said_since_s >= 1.0:
+            lane.said, lane.said_since_s = 0, now
         for _ in range(BEATS_AT_ONCE):
             try:
                 received = wire.receive_control(lane.control)
             except (EOFError, OSError):
                 return
             if received is None:
-                lane.unbroken = 0
                 return
-            lane.unbroken += 1
+            lane.said += 1
             for fd in received[1]:  # a lane has none to give
                 os.close(fd)
             match received[0]:

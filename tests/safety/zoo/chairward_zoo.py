@@ -24,9 +24,10 @@ from typing import Any
 import msgspec
 from pydantic import Field
 
+from chairward import wire
 from chairward.components import Component, Context, DeviceLost, Settings
 from chairward.hookspecs import hookimpl
-from chairward.messages import Alive, Button, Command, Intent, Message, Parcel, Press, RangeReading
+from chairward.messages import Alive, Button, Command, Ended, Intent, Lost, Message, Parcel, Press, RangeReading
 
 CHAIRWARD_API = 1
 MS = 1_000_000
@@ -69,10 +70,13 @@ class Citizen:
     def good(self, **changes: Any) -> object:
         raise NotImplementedError
 
+    def lines(self) -> dict[str, int]:
+        """The descriptors of this process, by whom they lead to."""
+        return dict(json.loads(sys.argv[1]))
+
     def raw(self, data: bytes) -> None:
         """Past the lane, straight at the guard: what hostile code in this process can do."""
-        options = json.loads(sys.argv[1])
-        end = socket.socket(fileno=os.dup(options["guard"]))
+        end = socket.socket(fileno=os.dup(self.lines()["guard"]))
         try:
             end.send(data)
         except (BlockingIOError, ConnectionError):
@@ -194,6 +198,33 @@ def flood(animal: Citizen) -> object:
     return [animal.good() for _ in range(200)]
 
 
+def flood_stops(animal: Citizen) -> object:
+    """Anybody may ask for a stop; nobody may keep the guard busy with it."""
+    animal.due, now = time.monotonic(), time.monotonic_ns()
+    animal.seq += 200
+    return [Intent(seq=animal.seq - nth, captured_ns=now, command=Command.STOP) for nth in reversed(range(200))]
+
+
+def flood_losses(animal: Citizen) -> object:
+    animal.due, now = time.monotonic(), time.monotonic_ns()
+    return [Lost(seq=1, captured_ns=now, reason=f"leg {nth} was torn out") for nth in range(200)]
+
+
+def flood_ends(animal: Citizen) -> object:
+    animal.due, now = time.monotonic(), time.monotonic_ns()
+    return [Ended(seq=1, captured_ns=now)] * 200
+
+
+def flood_supervisor(animal: Citizen) -> object:
+    """The line that is meant for its heartbeat; its own readings stay good."""
+    with contextlib.suppress(BlockingIOError), socket.socket(fileno=os.dup(animal.lines()["control"])) as end:
+        for _ in range(1_000):
+            animal.seq += 1
+            end.send(msgspec.msgpack.encode(wire.Note(f"lie {animal.seq}")))
+    animal.due = time.monotonic()
+    return animal.good()
+
+
 def future(animal: Citizen) -> object:
     return animal.good(captured_ns=time.monotonic_ns() + 3600_000 * MS)
 
@@ -238,6 +269,11 @@ def wrong_type(animal: Citizen) -> object:
 
 
 def wrong_unit(animal: Citizen) -> object:
+    """Metres."""
+    return animal.good(ahead_mm=animal.settings.ahead_mm // 1000)
+
+
+def fraction(animal: Citizen) -> object:
     return animal.raw_fields(ahead_mm=4.0)
 
 
@@ -261,6 +297,19 @@ def oversized(animal: Citizen) -> object:
     return None
 
 
+def empty(animal: Citizen) -> object:
+    """What a closed line reads as."""
+    animal.raw(b"")
+    return None
+
+
+def give_descriptors(animal: Citizen) -> object:
+    """To a guard that has not asked for any: its table must not fill up."""
+    with contextlib.suppress(BlockingIOError), socket.socket(fileno=os.dup(animal.lines()["guard"])) as end:
+        socket.send_fds(end, [b"a present"], [end.fileno()] * 200)
+    return None
+
+
 def deep(animal: Citizen) -> object:
     animal.raw(b"\x91" * 4000)
     return None
@@ -273,8 +322,8 @@ def impostor(animal: Citizen) -> object:
     return None
 
 
-def close_socket(_: Citizen) -> object:
-    os.close(json.loads(sys.argv[1])["guard"])
+def close_socket(animal: Citizen) -> object:
+    os.close(animal.lines()["guard"])
     time.sleep(60.0)
     return None
 
