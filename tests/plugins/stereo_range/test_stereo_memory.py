@@ -10,11 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chairward.components import Footprint
+from chairward_stereo_range.drops import EdgeTrack
 from chairward_stereo_range.geometry import make_view
 from chairward_stereo_range.known_clear import BRIDGE_S, NEEDED_MM, KnownClear
 from chairward_stereo_range.leaving import Edge, Leaving
-from chairward_stereo_range.memory import Confirm, Memory, Seen
-from chairward_stereo_range.odometry import FloorOdometry
+from chairward_stereo_range.memory import Memory, Seen
+from chairward_stereo_range.odometry import FloorOdometry, Steady
 from chairward_stereo_range.tracker import Tracker
 
 DT_S = 1 / 15
@@ -94,17 +95,44 @@ def test_closing_speed_is_what_is_left_after_the_chairs_own() -> None:
     assert moving.closing_mm_s == pytest.approx(walker / DT_S, rel=0.05)
 
 
-def test_an_edge_counts_when_seen_in_two_of_three_frames() -> None:
-    confirm = Confirm()
-    assert [confirm.step(x) for x in (True, False, True, True, False, False, False)] == [
-        False,
-        False,
-        True,
-        True,
-        True,
-        False,
-        False,
-    ]
+def test_the_floor_s_end_counts_when_it_is_seen_again_where_the_chair_has_come_to() -> None:
+    steady, wandering = EdgeTrack(), EdgeTrack()
+    told = [steady.step(i * DT_S, 1500.0 - 33.0 * i, 33.0) for i in range(3)]
+    assert told == [None, 1467.0, 1434.0]
+    feigned = [wandering.step(i * DT_S, 1500.0 + 400.0 * i, 33.0) for i in range(6)]
+    assert feigned == [None] * 6, "what goes away from a chair that comes nearer is a mirror image"
+
+
+@given(step=st.floats(26, 60), lower=st.floats(0.4, 1.0))
+def test_the_floor_s_end_is_carried_for_a_while_where_it_is_not_seen_or_only_farther(step: float, lower: float) -> None:
+    """lower: how fast the lower floor passes, which is all that the odometry sees once the edge is near."""
+    track = EdgeTrack()
+    for i in range(6):
+        last = track.step(i * DT_S, 1500.0 - step * i, step)
+    for i in range(6, 12):
+        last = track.step(i * DT_S, None if i % 2 else 1900.0, lower * step)
+        assert last is not None
+        assert 1500.0 - step * i - 1.0 <= last <= 1500.0 - step * i + (1.0 - 0.99 * lower) * step * (i - 5)
+    assert track.step(3.0, None, step) is None, "but not for long"
+
+
+def test_an_edge_seen_twice_without_driving_at_it_is_not_carried() -> None:
+    track = EdgeTrack()
+    assert [track.step(i * DT_S, mm, 0.0) for i, mm in enumerate((1500.0, 1500.0, None))] == [None, 1500.0, None]
+
+
+def test_one_wrong_word_of_the_floor_does_not_count() -> None:
+    steady = Steady()
+    told = [steady.step((mm, 0.0)) for mm in (33.0, 33.0, -120.0, 33.0, 33.0)]
+    assert told[-1] == (33.0, 0.0)
+    assert steady.step(None) is None
+
+
+def test_a_tall_thing_of_which_a_low_part_is_seen_last_has_not_gone_under_the_view() -> None:
+    memory = Memory(1000.0, 900.0)
+    for i, top in enumerate([1200.0] * 12 + [200.0] * 5):
+        memory.step(Seen(i * DT_S, 1580.0 - 33.0 * i, top), 33.0)
+    assert memory.step(Seen(17 * DT_S, None, 0.0), 33.0).ahead_mm is None
 
 
 @pytest.mark.parametrize("step", [0.0, 20.0, 45.0, -25.0])
@@ -259,3 +287,10 @@ def test_without_the_floor_s_word_the_known_way_shrinks_at_full_speed() -> None:
     known = after_a_clear_second(NEEDED_MM + 100.0)
     assert known.step(15 * DT_S, False, inf, None)
     assert not known.step(17 * DT_S, False, inf, None)
+
+
+def test_the_way_is_known_up_to_the_thing_that_ended_it_though_the_floor_tells_too_much() -> None:
+    known = after_a_clear_second(NEEDED_MM + 200.0)
+    assert all(known.step((15 + i) * DT_S, False, NEEDED_MM + 167.0 - 33.0 * i, 80.0) for i in range(5))
+    another = after_a_clear_second(NEEDED_MM + 200.0)
+    assert not all(another.step((15 + i) * DT_S, False, NEEDED_MM + 900.0, 80.0) for i in range(5)), "that is another"

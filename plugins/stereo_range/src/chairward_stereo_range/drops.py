@@ -19,6 +19,13 @@ ROWS = 4
 FLOOR_ROWS = 2
 """Rows of floor before the edge: without a floor to leave there is no edge, only a wrong mount."""
 FARTHEST_MM = 2500.0
+SAME_MM, SAME_SHARE = 100.0, 0.12
+"""An edge seen so near where it was carried is the same."""
+FOLLOWED, CAME_MM = 3, 100.0
+"""Carried only after so many pictures and so much driving at it: noise does not approach."""
+LOST_S = 0.7
+STEADY = 0.3
+"""Share of the newest picture in the pace."""
 
 
 class DropWatch:
@@ -52,3 +59,35 @@ class DropWatch:
                 run = 0
                 floor_rows += int(is_floor[i])
         return None
+
+
+def carried_mm(driven_mm: float | None, pace_mm: float) -> float:
+    """How far the floor's end came nearer. Beyond it the odometry sees a lower floor, which passes more slowly, or
+    both at once and cannot tell: a chair is taken to go on there at the pace at which it came."""
+    return pace_mm if driven_mm is None or 0.3 * pace_mm < driven_mm < pace_mm else driven_mm
+
+
+class EdgeTrack:
+    """The floor's end over several pictures: believed when seen again where the chair's own motion has brought it.
+
+    It is lost now and then, above all near the lower end of the view, where too few rows of floor are left before it:
+    once followed it is carried on. Call `step` once for every picture.
+    """
+
+    def __init__(self) -> None:
+        self._at_mm: float | None = None
+        self._seen, self._came_mm, self._pace_mm, self._seen_s = 0, 0.0, 0.0, 0.0
+
+    def step(self, time_s: float, edge_mm: float | None, driven_mm: float | None) -> float | None:
+        """Where the floor ends, mm; None: nowhere that is sure. driven_mm: since the last picture, None unknown."""
+        came = carried_mm(driven_mm, self._pace_mm)
+        was = None if self._at_mm is None else self._at_mm - came
+        if was is not None and edge_mm is not None and abs(edge_mm - was) <= max(SAME_MM, SAME_SHARE * was):
+            self._pace_mm += STEADY * (max(was + came - edge_mm, 0.0) - self._pace_mm)
+            self._at_mm, self._seen, self._came_mm, self._seen_s = edge_mm, self._seen + 1, self._came_mm + came, time_s
+        elif was is not None and time_s - self._seen_s <= LOST_S and (edge_mm is None or edge_mm > was):
+            self._at_mm, self._came_mm = was, self._came_mm + came
+        else:
+            self._at_mm, self._seen, self._came_mm, self._pace_mm, self._seen_s = edge_mm, 1, 0.0, 0.0, time_s
+        followed = self._seen >= FOLLOWED and self._came_mm >= CAME_MM
+        return self._at_mm if followed or (self._seen >= 2 and self._seen_s == time_s) else None

@@ -20,8 +20,10 @@ FASTEST_MM_S = 1000.0
 """The chair's speed where the floor does not tell it."""
 FARTHEST_MM = 1500.0
 """Farther than this the way is not called known."""
-NEEDED_MM = 700.0
+NEEDED_MM = 650.0
 """So much known way must be left: the stop distance and the error of a reading."""
+SAME_MM = 100.0
+"""What is measured within so much of where the known way should end is what ended it: so far the way is known still."""
 ASIDE_MM = 150.0
 """The floor ahead has gone so far sideways: what was seen is no longer the way."""
 
@@ -51,6 +53,8 @@ class KnownClear:
             self._known_mm, self._aside_mm, self._sure_s = min(ahead_mm, FARTHEST_MM), 0.0, time_s
             return False
         self._known_mm -= FASTEST_MM_S * (time_s - last_s) if driven_mm is None else max(driven_mm, 0.0)
+        if self._known_mm < ahead_mm <= self._known_mm + SAME_MM:
+            self._known_mm = ahead_mm
         self._aside_mm += sideways_mm
         surely = sum(was for _, was in self._pictures)
         return (

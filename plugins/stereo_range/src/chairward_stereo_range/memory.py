@@ -13,8 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from chairward_stereo_range.drops import carried_mm
+
 LOW_MM = 350.0
 """Higher things cannot go under the view; they leave it sideways."""
+LOW_SHARE = 0.8
+"""Of a low thing's sightings so many are low: of a door frame now and then only a low part is matched."""
 UNDER_MM = 80.0
 """A low thing nearer than the view's lower end and this much stands partly out of view already."""
 BACKED_MM = 250.0
@@ -90,14 +94,10 @@ class Memory:
         return driven_mm < -2.0 and abs(seen.ahead_mm - self._held_mm) < UNDER_MM
 
     def _carried(self, held_mm: float, driven_mm: float | None) -> float:
-        """How far the held thing came nearer. Beyond the end of the floor the odometry sees a lower floor, which
-        passes more slowly, or both at once and cannot tell: a chair is taken to go on there at the pace at which it
-        came, but where nothing tells that it moves, up to the edge and not past it."""
+        """How far the held thing came nearer: where nothing tells that the chair moves, an edge up to the chair."""
         if driven_mm is None:
             return max(min(self._pace_mm, held_mm), 0.0) if self._pace_mm is not None else 0.0
-        if self._pace_mm is not None and driven_mm > 0.3 * self._pace_mm:
-            return max(driven_mm, self._pace_mm)
-        return driven_mm
+        return driven_mm if self._pace_mm is None else carried_mm(driven_mm, self._pace_mm)
 
     def _pace(self, seen: Seen) -> float:
         """mm a frame lately, on the fast side: what the floor told, or by how much the thing itself came nearer.
@@ -115,6 +115,8 @@ class Memory:
         if seen.ahead_mm is None or first.ahead_mm is None:
             return False
         if seen.ahead_mm > self._edge + UNDER_MM or seen.top_mm > LOW_MM or len(self._track) < SEEN_TIMES:
+            return False
+        if sum(s.top_mm <= LOW_MM for s in self._track) < LOW_SHARE * len(self._track):
             return False
         came = first.ahead_mm - seen.ahead_mm
         driven = [mm for t, mm in self._driven if first.time_s < t <= seen.time_s]
@@ -143,15 +145,3 @@ class Memory:
             return 0.0
         beyond = approach - sum(own) / float(times[-1] - times[0])
         return beyond if beyond >= MIN_CLOSING_MM_S else 0.0
-
-
-class Confirm:
-    """True when at least two of the last three answers were: for edges, which a mirror in the floor can feign once."""
-
-    def __init__(self) -> None:
-        self._last: deque[bool] = deque([False, False, False], maxlen=3)
-
-    def step(self, answer: bool) -> bool:
-        """The newest answer; returns the confirmed one."""
-        self._last.append(answer)
-        return sum(self._last) >= 2

@@ -6,6 +6,8 @@ A plain floor gives no answer: None, never a guess.
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from chairward.stages import Floats, Image
@@ -17,6 +19,22 @@ CELLS = 64
 MIN_RESPONSE = 0.15
 MAX_SHIFT_MM = 200.0
 MIN_STD = 2.0
+MEDIAN_OF = 5
+
+
+class Steady:
+    """The median of the last motions told: single ones are wrong by more than a chair can change its speed."""
+
+    def __init__(self) -> None:
+        self._last: deque[tuple[float, float]] = deque(maxlen=MEDIAN_OF)
+
+    def step(self, moved: tuple[float, float] | None) -> tuple[float, float] | None:
+        """moved: (forward, sideways) mm since the last picture; None stays None."""
+        if moved is None:
+            return None
+        self._last.append(moved)
+        forward, sideways = np.median(self._last, axis=0)
+        return float(forward), float(sideways)
 
 
 class FloorOdometry:

@@ -8,12 +8,13 @@ from math import inf
 import numpy as np
 
 from chairward.stages import Image
+from chairward_stereo_range.drops import EdgeTrack
 from chairward_stereo_range.faults import FaultWatch
 from chairward_stereo_range.finder import Measurement, RangeFinder, Spot
 from chairward_stereo_range.known_clear import KnownClear
 from chairward_stereo_range.leaving import Edge, Leaving
-from chairward_stereo_range.memory import Confirm, Memory, Seen
-from chairward_stereo_range.odometry import FloorOdometry
+from chairward_stereo_range.memory import Memory, Seen
+from chairward_stereo_range.odometry import FloorOdometry, Steady
 from chairward_stereo_range.region import Bools
 
 DROP_FARTHEST_MM = 2000.0
@@ -44,9 +45,10 @@ class Tracker:
         view = finder.view
         self._plain = finder.is_thesis
         self._faults = FaultWatch()
-        self._drop = Confirm()
+        self._edge = EdgeTrack()
         self._known_clear = KnownClear()
         self._odometry = FloorOdometry(view) if view.floor_known else None
+        self._steady = Steady()
         if self._odometry is not None and self._odometry.visible_from_mm == inf:
             self._odometry = None
         gone = self._odometry.visible_from_mm + view.ahead_offset_mm() if self._odometry is not None else 0.0
@@ -60,9 +62,10 @@ class Tracker:
         if self._plain:
             return _single(found)
         fault = self._faults.check(left, right, skew_ns)
-        nearest = self._nearest(found, fault)
-        moved = self._odometry.step(left) if self._odometry is not None and not fault else None
+        moved = self._steady.step(self._odometry.step(left)) if self._odometry is not None and not fault else None
         driven, sideways = moved if moved is not None else (None, 0.0)
+        drop = self._drop(found, captured_ns / 1e9, driven)
+        nearest = None if fault else min((s for s in (found.ahead, drop) if s), key=lambda s: s.ahead_mm, default=None)
         time_s, ahead_mm = captured_ns / 1e9, inf if nearest is None else nearest.ahead_mm
         known = self._known_clear.step(time_s, found.can_see and not fault, ahead_mm, driven, sideways)
         can_see = not fault and (found.can_see or (found.doubt and known))
@@ -85,17 +88,21 @@ class Tracker:
             ahead_mm,
             inf if nearest is None else nearest.depth_mm,
             can_see,
-            fault or found.reason or ("the floor ends" if nearest is not None and nearest is found.drop else ""),
+            fault or found.reason or ("the floor ends" if nearest is not None and nearest is drop else ""),
             kept.closing_mm_s,
             driven,
         )
 
-    def _nearest(self, found: Measurement, fault: str) -> Spot | None:
-        """The nearer of obstacle and confirmed drop; a faulty pair shows nothing that could be believed."""
-        near_drop = found.drop if found.drop is not None and found.drop.ahead_mm <= DROP_FARTHEST_MM else None
-        confirmed = self._drop.step(near_drop is not None)
-        spots = [s for s in (found.ahead, near_drop if confirmed else None) if s is not None]
-        return min(spots, key=lambda s: s.ahead_mm) if spots and not fault else None
+    def _drop(self, found: Measurement, time_s: float, driven_mm: float | None) -> Spot | None:
+        """Where the floor ends, as far as that is sure."""
+        seen = found.drop if found.drop is not None and found.drop.ahead_mm <= DROP_FARTHEST_MM else None
+        ahead_mm = self._edge.step(time_s, None if seen is None else seen.ahead_mm, driven_mm)
+        if ahead_mm is None:
+            return None
+        if seen is not None and seen.ahead_mm == ahead_mm:
+            return seen
+        view = self.finder.view
+        return Spot(self._depth(ahead_mm), ahead_mm, view.geometry.height_px - 1, view.geometry.width_px // 2, 0, 0.0)
 
     def _depth(self, ahead_mm: float) -> float:
         """Depth of a floor point that is ahead_mm before the footprint, straight ahead."""
