@@ -11,10 +11,11 @@ from typer.testing import CliRunner
 
 from chairward_voice_dtw import calibration, figures
 from chairward_voice_dtw.cli import words as app
+from chairward_voice_dtw.engine import Heard
 from chairward_voice_dtw.evaluate import trials
-from chairward_voice_dtw.plan import Plan
-from chairward_voice_dtw.reporting import correct
-from chairward_voice_dtw.streams import STREAM_HZ, Row, embed, word_bounds
+from chairward_voice_dtw.plan import Plan, Trial
+from chairward_voice_dtw.reporting import correct, stop_point
+from chairward_voice_dtw.streams import STREAM_HZ, Placed, Row, embed, word_bounds
 from chairward_voice_dtw.variants import VARIANTS, said
 
 
@@ -86,6 +87,23 @@ def test_a_slow_word_is_longer_at_the_same_pitch_and_a_slurred_one_is_dull() -> 
     assert said(tone, VARIANTS["usual"]) is tone
 
 
+def test_a_looser_stop_threshold_hears_more_stops_and_more_false_ones() -> None:
+    def heard(word: str, score: float) -> Heard:
+        return Heard(word=word, score=score, accepted=False, onset_s=1.0, end_s=1.5, decided_s=1.7)
+
+    def trial(snr: float | None, *found: Heard) -> Trial:
+        placed = Placed("stop", "test", 1.0, 1.5, 0.0, 3.0, 1.4)
+        return Trial(source="made", speaker="anna", snr=snr, placed=placed, heard=found)
+
+    found = [trial(None, heard("stop", 1.0)), trial(10.0, heard("stop", -2.4)), trial(10.0, heard("left", 3.0))]
+    strange = [[heard("stop", -2.2), heard("left", 5.0), heard("stop", -4.0)]]
+    for line, noisy, false in ((-2.0, 0.0, 0), (-2.5, 50.0, 1), (-5.0, 50.0, 2)):
+        point = stop_point(found, 2.0, strange, "stop", line)
+        assert point["stop_recall_pct"]["clean"]["pct"] == 100.0
+        assert point["stop_recall_pct"]["10"]["pct"] == noisy
+        assert point["false_stops_per_hour"]["per_hour"] == false / 2.0
+
+
 @pytest.mark.needs_shared
 def test_real_words_are_heard_and_strange_ones_mostly_not(shared_data: Path) -> None:
     manifest = shared_data / "voice" / "manifest.csv"
@@ -122,6 +140,14 @@ def test_a_way_of_saying_that_is_not_known_is_one_sentence(tmp_path: Path) -> No
     assert "--variant mumbled: allowed are usual, slow, slurred, loud, soft" in result.output
 
 
+def test_a_word_that_nobody_says_cannot_be_evaluated(tmp_path: Path) -> None:
+    path = tmp_path / "words.csv"
+    path.write_text("path,word,speaker,role,source\na.wav,left,anna,template,x\nb.wav,left,anna,test,x\n")
+    result = CliRunner().invoke(app, ["evaluate", str(path), "--only", "stop"])
+    assert result.exit_code == 1
+    assert "no speaker has both template and test rows of stop" in result.output
+
+
 def test_an_evaluation_of_a_small_manifest_reports_every_figure(tmp_path: Path, speak) -> None:  # type: ignore[no-untyped-def]
     import soundfile
 
@@ -144,3 +170,5 @@ def test_an_evaluation_of_a_small_manifest_reports_every_figure(tmp_path: Path, 
         assert figures_["accuracy_pct"]["pct"] == 100.0
         assert figures_["end_to_intent_ms"]["p95"] <= 300.0
     assert report["false_accepts_per_hour"]["hours"] == 0.02
+    only = trials(Plan(manifest=tmp_path / "words.csv", words=("stop",)), "anna", None, 0)
+    assert [trial.placed.word for trial in only] == ["stop", "stop"]

@@ -135,7 +135,8 @@ def evaluate(plan: Plan, say: Say) -> dict[str, Any]:
     if plan.words:
         speakers = [s for s in speakers if any(row.word in plan.words for row in by_role(rows, s)["test"])]
     if not speakers:
-        raise SoundError(f"{plan.manifest}: no speaker has both template and test rows of what is to be said")
+        of = f" of {', '.join(plan.words)}" if plan.words else ""
+        raise SoundError(f"{plan.manifest}: no speaker has both template and test rows{of}")
     if any(snr is not None for snr in plan.snrs) and not any(row.role == "noise" for row in rows):
         raise SoundError(f"{plan.manifest}: has no noise rows; evaluate with --snr clean, or add some")
     jobs: list[tuple[Any, ...]] = [
