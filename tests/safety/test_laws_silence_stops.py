@@ -20,7 +20,7 @@ from chairward.testing.ride import FRONT, PANEL, START_NS, TICK_NS, VOICE, Ride,
 
 TILT = "body/tilt"
 LIMITS = chair_limits(vetoers={TILT: SourceLimits(freshness_ns=300 * MS)})
-LIMIT_MS = {FRONT: 200, TILT: 300, VOICE: 400, PANEL: 400, "drive": 200, "supervisor": 500}
+LIMIT_MS = {FRONT: 200, TILT: 300, VOICE: 400, PANEL: 400, "drive": 200, "supervisor": 200}
 
 
 @settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck))
@@ -43,9 +43,17 @@ def test_whoever_falls_silent_whenever_the_chair_stands_within_that_sources_limi
 
 
 # ---- a small world, walked completely --------------------------------------------------------------------------------
-NEAR = {"stop": 590, "avoid": 740, "clear": 3_000}
-HEARD = (None, Command.FRONT, Command.LEFT, Command.STOP)
-PRESSED = (None, Button.STOP, Button.ARM, Button.RESET)
+NEAR = {
+    "at the toes": {"ahead_mm": 240},
+    "ahead": {"ahead_mm": 590},
+    "to be avoided": {"ahead_mm": 740},
+    "beside": {"left_mm": 240},
+    "behind": {"behind_mm": 590},
+    "nowhere": {},
+}
+SIGHT = {"well": {}, "late": {"age_ns": 201 * MS}, "blind": {"can_see": False}}
+HEARD = (None, Command.FRONT, Command.BACK, Command.LEFT, Command.STOP)
+PRESSED = (None, *Button)
 CONTROLLERS: dict[str, dict[str, Any]] = {
     "well": {},
     "faulty": {"fault": "overheated"},
@@ -67,26 +75,30 @@ STATES = {
 
 
 def small_world() -> Iterator[tuple[State, Facts]]:
-    """Every combination of distance, sight, age, heartbeat, controller, state, word and press."""
+    """Every combination of distance, way, sight, age, heartbeats, controller, state, word and press."""
     plain = Facts(now_ns=START_NS, supervisor_ns=START_NS - 100 * MS)
-    beats = {"fresh": Alive(seq=1, captured_ns=START_NS - 50 * MS), "late": Alive(seq=1, captured_ns=1)}
-    beats["ill"] = replace(beats["fresh"], well=False)
+    fresh = Alive(seq=1, captured_ns=START_NS - 50 * MS)
+    others: dict[str, dict[str, Any]] = {
+        "all there": {"alive": {VOICE: fresh, PANEL: fresh}},
+        "recognizer late": {"alive": {VOICE: replace(fresh, captured_ns=1), PANEL: fresh}},
+        "stop device ill": {"alive": {VOICE: fresh, PANEL: replace(fresh, well=False)}},
+        "supervisor late": {"alive": {VOICE: fresh, PANEL: fresh}, "supervisor_ns": START_NS - 201 * MS},
+    }
     windows = [
-        readings(START_NS, age_ns=age * MS, ahead_mm=mm, left_mm=2_000, can_see=see)
-        for mm, (see, age) in product(NEAR.values(), ((True, 60), (True, 201), (False, 60)))
+        readings(START_NS, **{"left_mm": 2_000, **near, **sight}) for near in NEAR.values() for sight in SIGHT.values()
     ]
     status = DriveStatus(at_ns=START_NS - 10 * MS, linked=True, armed=True)
     drives = [replace(status, **changes) for changes in CONTROLLERS.values()]
-    for window, beat, drive, word, button in product(windows, beats.values(), drives, HEARD, PRESSED):
+    for window, votes, drive, word, button in product(windows, others.values(), drives, HEARD, PRESSED):
         wish = Wish(source=VOICE, seq=9, at_ns=START_NS, command=word) if word else None
         press = Pressed(source=PANEL, button=button, at_ns=START_NS) if button else None
         facts = replace(
             plain,
             ranges={FRONT: window},
-            alive={VOICE: beat, PANEL: beats["fresh"]},
             drive=drive,
             heard=(wish,) if wish else (),
             pressed=(press,) if press else (),
+            **votes,
         )
         for state in STATES.values():
             yield state, facts
@@ -94,12 +106,13 @@ def small_world() -> Iterator[tuple[State, Facts]]:
 
 def test_every_combination_of_a_small_world_keeps_both_promises() -> None:
     limits = chair_limits(steer_deg_s=8.0)
-    cases = moving = 0
+    cases, moved = 0, set()
     for state, facts in small_world():
         cases += 1
-        moving += laws.judge(state, facts, limits)[1].motion != STILL
-    assert cases == 9 * 3 * 4 * 4 * 4 * 10
-    assert moving > 0
+        drive, turn = laws.judge(state, facts, limits)[1].motion
+        moved |= {(drive > 0.0) - (drive < 0.0), "arc" if drive and turn else "turn" if turn else None}
+    assert cases == 18 * 4 * 4 * 5 * 5 * 10
+    assert moved == {1, 0, -1, "arc", "turn", None}, "there is something in it to forbid"
 
 
 EVENTS: dict[str, dict[str, Any]] = {
@@ -119,7 +132,7 @@ EVENTS: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("start", ["off", "forward"])
-def test_every_path_of_three_events_keeps_both_promises_and_never_restarts_by_itself(start: str) -> None:
+def test_every_path_of_four_events_keeps_both_promises_and_never_restarts_by_itself(start: str) -> None:
     """Motion after a stop needs a word after it, and after a latch an ARM before the word."""
     limits = chair_limits()
 
@@ -157,4 +170,4 @@ def test_every_path_of_three_events_keeps_both_promises_and_never_restarts_by_it
         )
 
     first = STATES[start]
-    assert walk(first, first.armed, START_NS, 3, first.wish is not None) == len(EVENTS) ** 3
+    assert walk(first, first.armed, START_NS, 4, first.wish is not None) == len(EVENTS) ** 4
