@@ -8,9 +8,9 @@ import pytest
 from msgspec.structs import replace
 
 from chairward.arbiter import decide
-from chairward.components import STILL
+from chairward.components import STILL, Motion
 from chairward.envelope import OPEN, meet
-from chairward.facts import MS, Decision, Limits, SourceLimits
+from chairward.facts import MS, Decision, Limits, SourceLimits, State
 from chairward.messages import Command
 from chairward.rules import avoid, freer_side
 from chairward.scene import look
@@ -110,6 +110,27 @@ def test_a_stick_and_a_standing_chair_are_not_steered() -> None:
     assert ride.tick(times=3).motion.turn_deg_s == 0.0
     stick = ride.wish(Command.FRONT, held=True, source="panel/stick", stick=(1.0, 0.0))
     assert ride.tick(stick, times=3).motion.turn_deg_s == 0.0
+
+
+@pytest.mark.parametrize(("commanded_mm_s", "reported_mm_s"), [(0.0, -150.0), (-150.0, -150.0), (-150.0, 0.0)])
+@pytest.mark.parametrize(
+    "state",
+    [
+        driving(),
+        driving(Command.LEFT, base=driving().wish),
+        replace(driving(), wish=replace(driving().wish, stick=(0.5, -0.5))),
+    ],
+    ids=["steered", "arc", "stick"],
+)
+def test_a_chair_that_still_rolls_back_does_not_turn_before_it_can_go_ahead(
+    state: State, commanded_mm_s: float, reported_mm_s: float
+) -> None:
+    """A million random cases did not show it, ten million did (benchmarks/laws_many.py): it turned where it stood."""
+    facts = healthy(LIMITS, ranges={FRONT: readings(START_NS, ahead_mm=700, left_mm=900, right_mm=800)})
+    facts = replace(facts, drive=replace(facts.drive, speed_mm_s=reported_mm_s))
+    _, decision = decide(replace(state, output=Motion(commanded_mm_s, 0.0)), facts, LIMITS)
+    assert decision.caps.forward_mm_s > 0.0
+    assert decision.motion == STILL
 
 
 def test_where_the_turn_is_not_wholly_allowed_the_chair_goes_straight() -> None:

@@ -98,11 +98,15 @@ def steer(want: Motion, caps: Caps, scene: Scene) -> Motion:
 
 
 def ramp(old: Motion, new: Motion, dt_s: float, scene: Scene) -> Motion:
-    """Only rising magnitudes are limited; falling is at once, and a reversal goes through standstill."""
+    """Only rising magnitudes are limited; falling is at once, and a reversal goes through standstill.
+
+    A curve waits for that as a whole: turning alone would be another path, and a turn that nobody asked for.
+    """
     limits, does = scene.limits, reported(scene.facts.drive)
     drive = _rise(old.drive_mm_s, new.drive_mm_s, limits.accel_mm_s2 * dt_s)
-    if does.drive_mm_s * drive < 0.0 and abs(does.drive_mm_s) > STANDING_MM_S:
-        drive = 0.0
+    reverses = does.drive_mm_s * drive < 0.0 and abs(does.drive_mm_s) > STANDING_MM_S
+    if reverses or (new.drive_mm_s and not drive):
+        return STILL
     return Motion(drive, _rise(old.turn_deg_s, new.turn_deg_s, limits.turn_accel_deg_s2 * dt_s))
 
 

@@ -16,9 +16,9 @@ from doctor_world import RATE, World, calibration, scene
 from numpy.typing import NDArray
 
 from chairward import profile
-from chairward.findings import Finding, Site
 from chairward.doctor.examine import Task, site, tasks
 from chairward.doctor.place import look
+from chairward.findings import Finding, Site
 from chairward.plugins import PluginError, Registry, discover
 
 Change = Callable[[World], None]
