@@ -44,7 +44,7 @@ def test_a_supervisor_that_is_killed_or_stopped_stops_the_chair(tmp_path: Path, 
             wait(lambda: not processes_of(tmp_path / "tmp"), "every process of the run to leave", 30.0)
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
 def test_a_signal_stops_the_chair_first_and_ends_everything_in_order(tmp_path: Path, how: signal.Signals) -> None:
     with controller(tmp_path), chairward_run(tmp_path) as process:
         process.send_signal(how)
@@ -52,6 +52,15 @@ def test_a_signal_stops_the_chair_first_and_ends_everything_in_order(tmp_path: P
         assert process.wait(30.0) == 0
         assert not processes_of(tmp_path / "tmp")
         assert f"{how.name} received" in said(tmp_path)
+
+
+def test_a_service_manager_that_tells_every_process_at_once_to_end_stops_the_chair_first(tmp_path: Path) -> None:
+    with controller(tmp_path), chairward_run(tmp_path) as process:
+        for pid in [*processes_of(tmp_path / "tmp"), process.pid]:
+            os.kill(pid, signal.SIGTERM)
+        stops(tmp_path)
+        assert process.wait(30.0) == 0
+        assert not processes_of(tmp_path / "tmp")
 
 
 def test_ctrl_c_pressed_again_and_again_does_not_cut_the_orderly_end_short(tmp_path: Path) -> None:

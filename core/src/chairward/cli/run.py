@@ -214,10 +214,10 @@ def reports(run_dir: Path, events: list[str]) -> dict[str, Any]:
 
 @contextmanager
 def _signals(supervisor: Supervisor) -> Iterator[None]:
-    """Ctrl-C and TERM ask for an orderly end: the chair first."""
+    """What a terminal or a service manager ends programs by asks for an orderly end: the chair first."""
     before = {
         number: signal.signal(number, lambda n, _: supervisor.stop(f"{signal.Signals(n).name} received"))
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
     }
     try:
         yield
