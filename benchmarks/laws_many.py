@@ -1,6 +1,6 @@
-"""Promise P2 for single decisions, by the hundred million: the same law as in laws.py, over arrays of cases.
+"""Promise P2 by the hundred million: the laws `one_step` and `twin_rides` of laws.py, over arrays of cases.
 
-    .venv/bin/python benchmarks/laws_many.py [--pairs 100000000] [--seed 0]     writes benchmarks/results/laws_many.json
+    .venv/bin/python benchmarks/laws_many.py [--chairs 2000] [--seed 0]         writes benchmarks/results/laws_many.json
 
 `chairward.testing.many` says the rules a second time, for arrays; of every chair some rows go through `decide` as well,
 and must come out the same. A broken law or a difference ends it with the seed and the row.
@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from collections import Counter
 from multiprocessing import Pool
 from pathlib import Path
 from random import Random
@@ -18,47 +19,70 @@ from random import Random
 import numpy as np
 
 from chairward.arbiter import decide
+from chairward.facts import Limits
 from chairward.testing import cases, many
 from chairward.testing.laws import must
+from chairward.testing.many_rides import twins
 
 RESULTS = Path(__file__).parent / "results" / "laws_many.json"
-PAIRS_OF_A_CHAIR = 50_000
-COMPARED_OF_A_CHAIR = 20
+PAIRS, COMPARED = 50_000, 20
+RIDES, TICKS = 500, 60
 
 
-def chair(seed: int) -> tuple[int, int, int, int]:
-    """One random chair: (pairs judged, of them moving, of them slowed by what is worse, rows compared)."""
+def chair(seed: int) -> dict[str, int]:
+    """One random chair: what was judged, how much of it moved and was slowed by what is worse, and rows compared."""
     limits, rng = cases.some_limits(Random(seed)), np.random.default_rng(seed)
-    facts = many.some(rng, limits, PAIRS_OF_A_CHAIR, trouble=float(rng.choice((0.05, 0.2, 0.4))))
-    worse = many.worse(rng, facts)
-    better_motion, worse_motion = many.motions(facts), many.motions(worse)
-    holds = many.no_faster(worse_motion, better_motion, limits.steer_deg_s)
-    must(bool(holds.all()), "P2", f"seed {seed}", f"row {np.argmin(holds)}")
-    for row in range(COMPARED_OF_A_CHAIR):
-        for array, motion in ((facts, better_motion), (worse, worse_motion)):
-            _, decision = decide(*many.alone(array, row), array.limits)
-            must(
-                np.allclose(decision.motion, motion[row], rtol=0.0, atol=1e-9), "not the same", f"seed {seed} row {row}"
-            )
-    moves = (better_motion != 0.0).any(axis=1)
-    slowed = (better_motion != worse_motion).any(axis=1)
-    return PAIRS_OF_A_CHAIR, int(moves.sum()), int(slowed.sum()), 2 * COMPARED_OF_A_CHAIR
+    better = many.some(rng, limits, PAIRS, trouble=float(rng.choice((0.05, 0.2, 0.4))))
+    worse = many.worse(rng, better)
+    motions = many.motions(better), many.motions(worse)
+    no_faster(*motions, limits, seed)
+    for row in range(COMPARED):
+        decides_the_same(better, motions[0], row, seed)
+        decides_the_same(worse, motions[1], row, seed)
+    compared = 2 * COMPARED
+    for nth, tick in enumerate(twins(rng, limits, RIDES, TICKS)):
+        no_faster(tick.better_motion, tick.worse_motion, limits, seed)
+        decides_the_same(tick.better, tick.better_motion, nth, seed)
+        decides_the_same(tick.worse, tick.worse_motion, nth, seed)
+        compared += 2
+    return {
+        "pairs": PAIRS,
+        "of_them_moving": int((motions[0] != 0.0).any(axis=1).sum()),
+        "of_them_slowed": int((motions[0] != motions[1]).any(axis=1).sum()),
+        "rides_of_twins": RIDES,
+        "decisions_of_rides": 2 * RIDES * TICKS,
+        "rows_compared": compared,
+    }
+
+
+def no_faster(better: many.Floats, worse: many.Floats, limits: Limits, seed: int) -> None:
+    """Raises BrokenLaw with the first row in which the worse case is faster."""
+    holds = many.no_faster(worse, better, limits.steer_deg_s)
+    must(bool(holds.all()), "P2: worse, and faster", f"seed {seed}", f"row {np.argmin(holds)}")
+
+
+def decides_the_same(array: many.Many, motion: many.Floats, row: int, seed: int) -> None:
+    """Raises BrokenLaw where decide() says something else of that row."""
+    _, decision = decide(*many.alone(array, row), array.limits)
+    same = bool(np.allclose(decision.motion, motion[row], rtol=0.0, atol=1e-9))
+    must(same, "decide() says something else", f"seed {seed}", f"row {row}")
 
 
 def main() -> None:
     """Run, count, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--pairs", type=int, default=100_000_000)
+    parser.add_argument("--chairs", type=int, default=2_000)
     parser.add_argument("--processes", type=int, default=None)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    begun, counts = time.monotonic(), [0, 0, 0, 0]
+    begun, counts = time.monotonic(), Counter[str]()
     with Pool(options.processes) as pool:
-        for judged in pool.imap_unordered(chair, range(options.seed, options.seed + options.pairs // PAIRS_OF_A_CHAIR)):
-            counts = [sum(pair) for pair in zip(counts, judged, strict=True)]
+        for judged in pool.imap_unordered(chair, range(options.seed, options.seed + options.chairs)):
+            counts.update(judged)
     result = {
-        "what": "pairs of a case and a worse one, over arrays: none faster; no compared row different from decide()",
-        **dict(zip(("pairs", "of_them_moving", "of_them_slowed", "rows_compared"), counts, strict=True)),
+        "what": "random chairs: a case and a worse one, and twins that ride: none faster, all compared rows as decide",
+        "chairs": options.chairs,
+        **counts,
         "first_seed": options.seed,
         "seconds": round(time.monotonic() - begun),
     }

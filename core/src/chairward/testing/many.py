@@ -38,7 +38,7 @@ class Many:
     """N cases of a chair with K sensors.
 
     wish: which of `states` each case is in, (N,). nearest_mm: of the last three readings, inf where nothing is said,
-    (N, K, 4). closing_mm_s, blind (how many of three): (N, K). silent: some required vote is not there, (N,). gone:
+    (N, K, 4). closing_mm_s, blind (how many of three): (N, K). silent: some required vote is late, (N,). gone:
     what was near a sensor has vanished, (N, K). speed_mm_s: reported, (N,). output: commanded last, (N, 2).
     """
 
@@ -80,10 +80,11 @@ def _with_wish(state: State, **changes: Any) -> State:
     return changed(state, wish=changed(state.wish, **changes))
 
 
-def worse(rng: np.random.Generator, many: Many) -> Many:
-    """The same cases, each worse in one thing: silent, nearer one way, closing faster, blind, or vanished."""
+def worse(rng: np.random.Generator, many: Many, *, share: float = 1.0, kinds: int = 5) -> Many:
+    """The same cases, a share of them worse in one thing: nearer, closing, blind, silent, or (the fifth) vanished."""
     cases, sensors = many.closing_mm_s.shape
-    rows, which, kind = np.arange(cases), rng.integers(sensors, size=cases), rng.integers(5, size=cases)
+    rows, which = np.arange(cases), rng.integers(sensors, size=cases)
+    kind = np.where(rng.random(cases) < share, rng.integers(kinds, size=cases), -1)
     way = rng.integers(4, size=cases)
     nearest, closing = many.nearest_mm.copy(), many.closing_mm_s.copy()
     blind, gone = many.blind.copy(), many.gone.copy()
@@ -94,8 +95,8 @@ def worse(rng: np.random.Generator, many: Many) -> Many:
         kind == 1, np.minimum(5_000.0, closing[rows, which] + 4_500.0), closing[rows, which]
     )
     blind[rows, which] = np.where(kind == 2, np.minimum(3, blind[rows, which] + 1), blind[rows, which])
-    gone[rows, which] |= kind == 3
-    silent = many.silent | (kind == 4)
+    silent = many.silent | (kind == 3)
+    gone[rows, which] |= kind == 4
     return replace(many, nearest_mm=nearest, closing_mm_s=closing, blind=blind, gone=gone, silent=silent)
 
 
@@ -104,7 +105,7 @@ def allowed(many: Many) -> Floats:
     limits, nearest = many.limits, many.nearest_mm
     ahead, behind, left, right = (nearest[:, :, way] for way in range(4))
     stop, avoid, swing = limits.stop_mm, limits.avoid_mm, limits.turn_clear_mm
-    covers = np.array([[way in need.covers for way in Way] for need in limits.sensors.values()])
+    covers = _covers(limits)
     watched = (covers & np.isfinite(nearest)).any(axis=1)
     most = np.where(watched, np.array(limits.caps), np.minimum(limits.caps, limits.unseen))
     room_ahead, room_behind, still = ahead - stop, behind - stop, np.zeros_like(ahead)
@@ -123,9 +124,25 @@ def allowed(many: Many) -> Floats:
         ],
         axis=1,
     )
-    caps = np.minimum(caps, _blind(many, covers).min(axis=1))
+    caps = np.minimum(caps, _blind(many).min(axis=1))
     caps[many.silent] = 0.0
     return caps
+
+
+def _covers(limits: Limits) -> Bools:
+    """Which sensor is to cover which way, (K, 4)."""
+    return np.array([[way in need.covers for way in Way] for need in limits.sensors.values()])
+
+
+def spent(many: Many) -> Bools:
+    """Whose forward wish ends with this decision: something closes the way ahead that is more than a short gap."""
+    limits, ahead = many.limits, many.nearest_mm[:, :, 0]
+    covers = _covers(limits)[:, 0]
+    stops = _towards(ahead - limits.stop_mm, many.speed_mm_s[:, None], many.closing_mm_s, limits) == 0.0
+    stops |= many.gone | ((many.blind == 3) & (_blind(many)[:, :, 0] == 0.0))
+    unseen = ~(covers & np.isfinite(ahead)).any(axis=1) & (limits.unseen.forward_mm_s == 0.0)
+    ends: Bools = stops.any(axis=1) | unseen
+    return ends
 
 
 def _towards(room_mm: Floats, speed_mm_s: Floats, closing_mm_s: Floats, limits: Limits) -> Floats:
@@ -143,9 +160,10 @@ def _towards(room_mm: Floats, speed_mm_s: Floats, closing_mm_s: Floats, limits: 
     return np.where((room_mm <= 0.0) | too_fast, 0.0, cap)
 
 
-def _blind(many: Many, covers: Bools) -> Floats:
+def _blind(many: Many) -> Floats:
     """Rule 5: the ways that a blind sensor covers are unseen; ahead it may crawl while one of another lane sees."""
     limits, lanes = many.limits, [name.split("/")[0] for name in many.limits.sensors]
+    covers = _covers(limits)
     sees = (many.blind == 0) & np.isfinite(many.nearest_mm[:, :, 0]) & covers[:, 0]
     caps = np.full((*many.blind.shape, 4), np.inf)
     for k, lane in enumerate(lanes):
@@ -228,8 +246,11 @@ def alone(many: Many, row: int) -> tuple[State, Facts]:
             )
             for nth in (1, 2, 3)
         )
-    facts = healthy(many.limits, ranges=ranges, gap_ns=1_000 * MS if many.silent[row] else 0)
-    facts = changed(facts, drive=changed(facts.drive, speed_mm_s=float(many.speed_mm_s[row])))
+    facts = healthy(many.limits, ranges=ranges)
+    heard_ns = facts.now_ns - (300 if many.silent[row] else 10) * MS  # a short gap: all ways close, the wish waits
+    drive = changed(facts.drive, speed_mm_s=float(many.speed_mm_s[row]), at_ns=heard_ns)
     gone = Near(distance_mm=700, seen_ns=START_NS - 500 * MS, gone=True)
     near = {name: gone for k, name in enumerate(many.limits.sensors) if many.gone[row, k]}
-    return changed(many.states[many.wish[row]], output=Motion(*many.output[row].tolist()), near=near), facts
+    return changed(many.states[many.wish[row]], output=Motion(*many.output[row].tolist()), near=near), changed(
+        facts, drive=drive
+    )
