@@ -303,6 +303,34 @@ def test_control_messages_that_make_no_sense_are_survived() -> None:
     assert r.code == [0]
 
 
+def test_a_lane_that_is_attached_twice_is_heard_on_its_newest_line_only() -> None:
+    with rig() as r:
+        r.drive_off()
+        old, (first, first_lane), (second, second_lane) = r.lane, wire.pair(), wire.pair()
+        r.seq = 1_000_000
+        for _ in range(20):  # more than its budget: it may be muted just now
+            r.say("panel", Alive)
+        for end in (first, second):
+            wire.send_control(r.control, wire.Attach("front"), [end.fileno()])
+            end.close()
+        r.lane, r.seq = second_lane, 0
+        count = len(r.records)
+        r.live(
+            lambda: (
+                r.last.facts.alive["front/panel"].seq < 1_000_000
+                and len(r.records) > count + 20
+                and not r.last.facts.lost
+            ),
+            "the new line",
+        )
+        for closed in (old, first_lane):
+            with suppress(ConnectionResetError):  # what it had said and nobody read
+                assert closed.recv(1) == b""
+            closed.close()
+        r.drive_off()
+    assert r.code == [0]
+
+
 def test_a_lane_that_closes_its_line_is_named_and_stops_the_chair() -> None:
     with rig() as r:
         r.drive_off()
