@@ -93,6 +93,12 @@ def test_a_reversal_goes_through_standstill_however_slow_it_is(
     assert ramp(Motion(was, 0.0), Motion(asked, 0.0), 0.02, scene).drive_mm_s == given
 
 
+def test_a_turn_on_the_spot_need_not_wait_until_the_chair_stands() -> None:
+    drive = msgspec.structs.replace(healthy(LIMITS).drive, speed_mm_s=150.0)
+    scene = look(healthy(LIMITS, drive=drive), driving(), LIMITS)
+    assert ramp(STILL, Motion(0.0, 20.0), 0.02, scene).turn_deg_s > 0.0
+
+
 def test_stop_beats_arm_in_the_same_drain_said_or_pressed() -> None:
     assert pressed(Button.ARM).arm
     assert not pressed(Button.ARM, heard=Command.STOP).arm
