@@ -32,6 +32,12 @@ def test_a_named_test_exists(path: str, name: str) -> None:
     assert not name or re.search(rf"^\s*def {name}\(", text, re.MULTILINE), f"docs/safety.md: {path} has no {name}"
 
 
+def test_no_link_of_the_page_is_broken() -> None:
+    links = {link.partition("#")[0] for link in re.findall(r"\]\(([^):]+)\)", PAGE)}
+    assert len(links) > 5
+    assert [link for link in links if not (ROOT / "docs" / link).is_file()] == []
+
+
 @pytest.mark.parametrize("path", RESULTS)
 def test_named_evidence_exists(path: str) -> None:
     assert (ROOT / path).is_file()
@@ -76,6 +82,7 @@ def test_every_rule_answers_a_hazard(rule: object) -> None:
 def test_every_hazard_has_a_requirement_a_test_and_evidence(row: str) -> None:
     _, _, hazard, requirement, kept_by, shown_by, evidence, _ = row.split("|")
     assert all(cell.strip() for cell in (hazard, requirement, kept_by))
+    assert re.search(r"`[a-z_]+\.\w+", kept_by), "names the code that keeps it"
     assert "`tests/" in shown_by
     assert "`./run test`" in evidence or "(../benchmarks/results/" in evidence
 
