@@ -31,7 +31,6 @@ _HEAD = struct.Struct("<BQH")
 _CHUNK = struct.Struct("<QQQI")
 _MESSAGE = struct.Struct("<HIQQ")
 _U32 = struct.Struct("<I")
-_U64 = struct.Struct("<Q")
 
 
 class Entry(NamedTuple):
