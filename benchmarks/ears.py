@@ -19,6 +19,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -216,27 +217,25 @@ def fit(manifest: Path, seed: int) -> None:
     save(result)
 
 
-def measure(manifest: Path, what: str) -> None:
+def measure(manifest: Path, what: str, processes: int) -> None:
     """The report of one plan for every speaker, written into results/ears.json under its name."""
     plans = {"evaluate": Plan(manifest=manifest), "stops": Plan(manifest=manifest, words=("stop",), placements=20)}
-    result = load_results()
-    result[what] = evaluate.evaluate(plans[what], tell)
-    save(result)
+    found = evaluate.evaluate(replace(plans[what], processes=processes), tell)
+    save({**load_results(), what: found})
 
 
 def variants(manifest: Path, placements: int) -> None:
     """The words of all speakers at 20 dB, said otherwise than they were enrolled; written into results/ears.json."""
-    result: dict[str, Any] = load_results()
+    speakers = evaluate.speakers_of(read_manifest(manifest))
     table: dict[str, dict[str, Share]] = {}
     for name in VARIANTS:
         plan = Plan(manifest=manifest, variant=name)
-        speakers = evaluate.speakers_of(read_manifest(manifest))
         found = [t for s in speakers for p in range(placements) for t in evaluate.trials(plan, s, 20.0, p)]
         figures = reporting.cell(found, plan.stop_word)
         table[name] = {key: figures[key] for key in ("accuracy_pct", "wrong_word_pct", "unknown_accepted_pct")}
         print(name, table[name], flush=True)
-    result["variants"] = {"snr_db": 20.0, "speakers": len(speakers), "placements": placements, "said": table}
-    save(result)
+    measured = {"snr_db": 20.0, "speakers": len(speakers), "placements": placements, "said": table}
+    save({**load_results(), "variants": measured})
 
 
 def save(result: dict[str, Any]) -> None:
@@ -257,6 +256,7 @@ def main() -> None:
     parser.add_argument("--placements", type=int, default=1)
     parser.add_argument("--speakers", type=int, default=1000, help="at most, of each source")
     parser.add_argument("--source", default="", help="only this one: the speakers' prefix")
+    parser.add_argument("--processes", type=int, default=0, help="of evaluate and stops; 0: up to two")
     parser.add_argument("--seed", type=int, default=77, help="of the streams that are fitted to")
     options = parser.parse_args()
     if options.what == "speed":
@@ -268,7 +268,7 @@ def main() -> None:
     elif options.what == "variants":
         variants(options.manifest, options.placements)
     elif options.what in ("evaluate", "stops"):
-        measure(options.manifest, options.what)
+        measure(options.manifest, options.what, options.processes)
     else:
         compare(options.manifest, options.placements, options.speakers, options.source)
 
