@@ -6,6 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from chairward_stereo_range.drops import DropWatch
 
 PEERS = ["pyramid", "zncc", "ncc", "sad", "ssd", "bm", "sgbm", "sgbm_3way", "sgbm_hh"]
 
@@ -100,6 +104,36 @@ def test_a_missing_floor_is_a_drop_where_it_ends(tools: Any, mount: str) -> None
         found = tools.finder(pose).measure(left, right)
         assert found.drop is not None
         assert found.drop.ahead_mm == pytest.approx(edge, rel=0.12)
+
+
+def seen_below_a_plain_floor(tools: Any, edge_mm: float, what: str) -> float | None:
+    """Where the floor's end is found when the floor is too plain to be measured and beyond it lies what is named."""
+    view = tools.finder(tools.mount_a).view
+    grid = (slice(0, 240, 2), slice(0, 320, 2))
+    line = view.d_floor[grid]
+    disparity = {
+        "lower floor": line * 0.6,
+        "mirrored wall": np.full_like(line, view.fb / 4000.0),
+        "ceiling": line * 0.15,
+    }
+    beyond = (line > 0) & (line < view.fb / edge_mm)
+    seen = np.where(beyond, disparity[what], np.nan).astype(np.float32)
+    found = DropWatch(view, grid, 320.0, 1.0).edge_mm(np.zeros_like(beyond), beyond, seen, line)
+    return None if found is None else found[0]
+
+
+@given(edge_mm=st.floats(1250, 1600))
+def test_a_lower_floor_beyond_a_plain_one_is_a_drop(tools: Any, edge_mm: float) -> None:
+    assert seen_below_a_plain_floor(tools, edge_mm, "lower floor") == pytest.approx(edge_mm, rel=0.06)
+
+
+@pytest.mark.parametrize("what", ["mirrored wall", "ceiling"])
+def test_what_a_plain_glossy_floor_mirrors_is_no_drop(tools: Any, what: str) -> None:
+    assert seen_below_a_plain_floor(tools, 1500.0, what) is None
+
+
+def test_a_floor_that_lies_too_low_from_the_chair_on_is_a_wrong_mount_and_no_drop(tools: Any) -> None:
+    assert seen_below_a_plain_floor(tools, 1.0, "lower floor") is None
 
 
 def test_a_table_top_in_the_view_counts_though_the_floor_below_it_is_free(tools: Any) -> None:

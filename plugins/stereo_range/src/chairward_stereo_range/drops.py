@@ -3,14 +3,17 @@
 Row by row from the chair outwards, over the width that the chair will sweep: where a good part of the row is measured
 to lie below the floor's plane, over several rows in turn, the floor ends. Small patches do not count: a glossy floor
 mirrors the room, and the mirror image lies below the floor, too.
+
+A drop is followed over pictures by EdgeTrack.
 """
 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from chairward.stages import Floats
 from chairward_stereo_range.geometry import View
+from chairward_stereo_range.region import Bools
 
 SHARE = 0.5
 """Of a row's path that must lie below the floor."""
@@ -18,6 +21,12 @@ ROWS = 4
 """Rows (of the half-size grid, at 240) in turn that must show it."""
 FLOOR_ROWS = 2
 """Rows of floor before the edge: without a floor to leave there is no edge, only a wrong mount."""
+PLAIN_SHARE = 0.1
+"""Of a row's path that is measured at most where the floor is too plain to be."""
+PLANE_RUNS = 3
+"""Where the floor near by is plain, so many times ROWS must show one lower floor: a glossy floor's mirror image of a
+wall stands upright, that of a ceiling lies deeper than LEAST_PART."""
+PART_SPREAD, LEAST_PART = 1.15, 0.3
 FARTHEST_MM = 2500.0
 SAME_MM, SAME_SHARE = 100.0, 0.12
 """An edge seen so near where it was carried is the same."""
@@ -44,21 +53,36 @@ class DropWatch:
             self._ahead_mm = np.where(self._used, np.where(self._path, ahead, 0.0).sum(axis=1) / self._count, np.inf)
         self._rows = max(2, round(ROWS * scale))
 
-    def edge_mm(self, floor: npt.NDArray[np.bool_], below: npt.NDArray[np.bool_]) -> tuple[float, int] | None:
-        """(forward distance from the lens, grid row) of the floor's end, or None. floor, below: masks on the grid."""
+    def edge_mm(self, floor: Bools, below: Bools, disparity: Floats, floor_line: Floats) -> tuple[float, int] | None:
+        """(forward distance from the lens, grid row) of the floor's end, or None.
+
+        floor, below: masks on the grid; disparity (NaN unknown) and the floor's there, px.
+        """
         is_below = (((below & self._path).sum(axis=1) >= SHARE * self._count) & self._used)[::-1]
         is_floor = (((floor & self._path).sum(axis=1) >= 0.3 * self._count) & self._used)[::-1]
-        run = floor_rows = 0
+        is_plain = (((np.isfinite(disparity) & self._path).sum(axis=1) <= PLAIN_SHARE * self._count) & self._used)[::-1]
+        last = is_below.size - 1
+        run = floor_rows = plain_rows = 0
         for i in range(is_below.size):
             if is_below[i]:
                 run += 1
-                if run >= self._rows and floor_rows >= FLOOR_ROWS:
-                    row = is_below.size - 1 - (i - run + 1)
+                row = last - (i - run + 1)
+                left = floor_rows >= FLOOR_ROWS and run >= self._rows
+                plain = plain_rows >= self._rows and run == PLANE_RUNS * self._rows
+                if left or (plain and self._is_plane(slice(last - i, row + 1), disparity, floor_line)):
                     return float(self._ahead_mm[row]), row
             else:
                 run = 0
                 floor_rows += int(is_floor[i])
+                plain_rows += int(is_plain[i])
         return None
+
+    def _is_plane(self, rows: slice, disparity: Floats, floor_line: Floats) -> bool:
+        """Do these rows show a lower floor? Its disparity is everywhere the same part of the floor's."""
+        seen = self._path[rows] & np.isfinite(disparity[rows])
+        part = np.where(seen, disparity[rows] / np.maximum(floor_line[rows], 1e-3), np.nan)
+        of_row = np.nanmedian(part, axis=1)
+        return bool(of_row.min() >= LEAST_PART and of_row.max() <= PART_SPREAD * of_row.min())
 
 
 def carried_mm(driven_mm: float | None, pace_mm: float) -> float:

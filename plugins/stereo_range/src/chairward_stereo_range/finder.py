@@ -176,7 +176,7 @@ class RangeFinder:
         inside = above & self.region.contains(depth)
         ahead = self._spot(full, inside, match.sharp, around=above & _around(inside, self.scale))
         region = self.region.grid_mask
-        drop = self._drops.edge_mm(floor, below) if self._drops is not None else None
+        drop = self._drops.edge_mm(floor, below, d, floor_line) if self._drops is not None else None
         third = d.shape[1] // 3
         low_enough = above & self.region.passable(depth)
         left = self._spot(full, low_enough, match.sharp, slice(0, third))
