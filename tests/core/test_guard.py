@@ -13,10 +13,10 @@ from typing import Any
 
 import pytest
 
-from chairward import records, wire
+from chairward import guard, records, wire
 from chairward.components import STILL, DriveError, Footprint, Motion
 from chairward.facts import MS, Limits, SourceLimits
-from chairward.guard import Guard
+from chairward.guard import MESSAGES_A_TICK, Guard
 from chairward.messages import Alive, Button, Command, DriveStatus, Intent, Message, Parcel, Press, RangeReading, Way
 from chairward.plan import ChairKind, LanePlan, Part, Plan
 from chairward.records import Record
@@ -342,6 +342,59 @@ def test_a_lane_that_closes_its_line_is_named_and_stops_the_chair() -> None:
             time.sleep(0.01)
         assert not r.moving()
         assert "front" in r.last.facts.lost
+
+
+def test_of_a_lane_that_says_too_much_only_so_much_is_heard_before_the_next_tick() -> None:
+    with rig(SELDOM_NS) as it:
+        for _ in range(MESSAGES_A_TICK + 4):
+            it.say("eyes", RangeReading, can_see=False)
+        end = time.monotonic() + 20.0
+        while "front" not in it.guard.muted:
+            assert time.monotonic() < end, "waited for the lane to be muted"
+            time.sleep(0.005)
+        it.read()
+        assert it.last.facts.ranges["front/eyes"][-1].seq == MESSAGES_A_TICK
+        assert it.code == [], "and it goes on"
+
+
+def test_a_machine_that_was_suspended_latches_though_its_own_clock_stood_still(monkeypatch: pytest.MonkeyPatch) -> None:
+    slept_ns = [0]
+    monkeypatch.setattr(guard, "suspended_ns", lambda: slept_ns[0])
+    with rig() as r:
+        r.drive_off()
+        slept_ns[0] = 3_600_000 * MS
+        woke = "its clock jumped by 3600000 ms"
+        r.live(lambda: any(why.detail == woke for one in r.records for why in one.decision.reasons), "the sleep told")
+        first = next(one for one in r.records if one.facts.gap_ns >= slept_ns[0])
+        assert first.decision.motion == STILL
+        assert first.after.needs_reset
+
+
+def test_a_guard_that_is_told_to_leave_stays_until_the_controller_says_that_it_stands(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(guard, "LEAVE_WITHIN_NS", 60_000 * MS)
+    with rig() as r:
+        r.drive_off()
+        r.drive.status = {"speed_mm_s": 300.0}
+        count = len(r.records)
+        wire.send_control(r.control, wire.Quit())
+        r.live(lambda: len(r.records) > count + 20, "the guard to stay")
+        assert r.last.decision.motion == STILL
+        assert "supervisor" in r.last.facts.lost
+        r.drive.status = {}
+        r.thread.join(20.0)
+        assert r.code == [0]
+
+
+def test_a_controller_that_never_stands_does_not_keep_the_guard_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(guard, "LEAVE_WITHIN_NS", 300 * MS)
+    with rig() as r:
+        r.drive_off()
+        r.drive.status = {"speed_mm_s": 300.0}
+        wire.send_control(r.control, wire.Quit())
+        r.thread.join(20.0)
+        assert r.code == [0]
 
 
 def test_a_supervisor_that_is_gone_stops_the_chair_and_ends_the_guard() -> None:
