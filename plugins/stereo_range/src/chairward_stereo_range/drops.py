@@ -33,6 +33,7 @@ SAME_MM, SAME_SHARE = 100.0, 0.12
 FOLLOWED, CAME_MM = 3, 100.0
 """Carried only after so many pictures and so much driving at it: noise does not approach."""
 LOST_S = 0.7
+"""So long an edge is carried that is not seen."""
 STEADY = 0.3
 """Share of the newest picture in the pace."""
 

@@ -19,7 +19,7 @@ CELLS = 64
 MIN_RESPONSE = 0.15
 MAX_SHIFT_MM = 200.0
 MIN_STD = 2.0
-MEDIAN_OF = 5
+MEDIAN_OF = 3
 
 
 class Steady:

@@ -64,7 +64,7 @@ class Tracker:
         fault = self._faults.check(left, right, skew_ns)
         moved = self._steady.step(self._odometry.step(left)) if self._odometry is not None and not fault else None
         driven, sideways = moved if moved is not None else (None, 0.0)
-        drop = self._drop(found, captured_ns / 1e9, driven)
+        drop = self._drop(None if fault else found.drop, captured_ns / 1e9, driven)
         nearest = None if fault else min((s for s in (found.ahead, drop) if s), key=lambda s: s.ahead_mm, default=None)
         time_s, ahead_mm = captured_ns / 1e9, inf if nearest is None else nearest.ahead_mm
         known = self._known_clear.step(time_s, found.can_see and not fault, ahead_mm, driven, sideways)
@@ -93,10 +93,10 @@ class Tracker:
             driven,
         )
 
-    def _drop(self, found: Measurement, time_s: float, driven_mm: float | None) -> Spot | None:
-        """Where the floor ends, as far as that is sure."""
-        seen = found.drop if found.drop is not None and found.drop.ahead_mm <= DROP_FARTHEST_MM else None
-        ahead_mm = self._edge.step(time_s, None if seen is None else seen.ahead_mm, driven_mm)
+    def _drop(self, seen: Spot | None, time_s: float, driven_mm: float | None) -> Spot | None:
+        """Where the floor ends, as far as that is sure: as seen in this picture, or carried here."""
+        seen_mm = seen.ahead_mm if seen is not None and seen.ahead_mm <= DROP_FARTHEST_MM else None
+        ahead_mm = self._edge.step(time_s, seen_mm, driven_mm)
         if ahead_mm is None:
             return None
         if seen is not None and seen.ahead_mm == ahead_mm:
