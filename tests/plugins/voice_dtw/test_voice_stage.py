@@ -167,9 +167,9 @@ import sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})
 from pathlib import Path
 import conftest, test_voice_stage as t
-from chairward_voice_dtw import audio, dtw, embedding, endpoint, frontend
+from chairward_voice_dtw import audio, dtw, embedding, endpoint, frontend, pitch
 
-modules = (audio, dtw, embedding, endpoint, frontend)
+modules = (audio, dtw, embedding, endpoint, frontend, pitch)
 compiled = [f for module in modules for f in vars(module).values() if hasattr(f, "signatures")]
 stage = t.stage_with(Path({str(tmp_path)!r}), Path({str(word_folder)!r}))
 before = [len(f.signatures) for f in compiled]

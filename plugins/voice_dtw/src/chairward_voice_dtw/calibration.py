@@ -48,8 +48,12 @@ PRINTS = (
     "phrase distance / second word",
     "phrase distance / mean of words",
     "usual phrase distance / own spread",
+    "pitch off the person's",
+    "pitch off the word's own",
+    "harmonic share",
 )
-"""More evidence where the speech embedding is installed."""
+"""More evidence where the speech embedding is installed; of the pitch in octaves, 0 when it is not known."""
+PITCH = tuple(number for number, name in enumerate(EVIDENCE + PRINTS) if name.startswith("pitch"))
 
 
 @dataclass(frozen=True, slots=True)

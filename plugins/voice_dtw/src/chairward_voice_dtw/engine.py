@@ -116,7 +116,7 @@ class DtwEngine:
     def _heard(self, segment: Segment, spotted: Spotted | None) -> Heard:
         word, score, accepted = "", NEVER, False
         if not segment.too_long:
-            verdict = self._matcher.judge(segment, spotted)
+            verdict = self._matcher.judge(segment, spotted, self._thresholds.stop_words)
             word, score = verdict.word, verdict.score
             stop = word in self._thresholds.stop_words
             speech = stop or segment.voiced >= LEAST_VOICED

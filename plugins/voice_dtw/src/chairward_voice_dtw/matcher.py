@@ -64,6 +64,8 @@ class Matcher:
         table = np.array([dtw.distances(q, *dtw.pack(quiet)) for q in quiet])
         self._own, self._between = self._spreads(np.minimum(table, FARTHEST))
         self.longest = int(self._lengths.max(initial=60))
+        self._pitch = np.array([t.pitch for t in templates])
+        self._usual_pitch = _middle(self._pitch)
 
     def _spreads(self, table: Numbers) -> tuple[Numbers, Numbers]:
         """Per word: the mean distance between its own repetitions, and the median distance to other words'."""
@@ -80,9 +82,11 @@ class Matcher:
                 own[w] = 0.6 * between[w]
         return np.maximum(own, 1e-6), np.maximum(between, 1e-6)
 
-    def judge(self, segment: Segment, spotted: Spotted | None = None) -> Verdict:
-        """Compare one segment with every template."""
-        return self.weigh(self.measure(segment, spotted))
+    def judge(
+        self, segment: Segment, spotted: Spotted | None = None, at_any_pitch: frozenset[str] = frozenset()
+    ) -> Verdict:
+        """Compare one segment with every template. at_any_pitch: words that count however high they are said."""
+        return self.weigh(self.measure(segment, spotted), at_any_pitch)
 
     def measure(self, segment: Segment, spotted: Spotted | None = None) -> Measures:
         """The distances of one segment to every template."""
@@ -99,9 +103,11 @@ class Matcher:
             free=free,
         )
 
-    def weigh(self, m: Measures) -> Verdict:
+    def weigh(self, m: Measures, at_any_pitch: frozenset[str] = frozenset()) -> Verdict:
         """The nearest word and how sure it is."""
         word, evidence = self.evidence(m)
+        if m.spotted is not None and word in at_any_pitch:
+            evidence[list(calibration.PITCH)] = 0.0
         return Verdict(word=word, score=float(self._scores[len(evidence)].of(evidence)))
 
     def evidence(self, m: Measures, without: str | None = None) -> tuple[str, Numbers]:
@@ -150,6 +156,20 @@ class Matcher:
                 usual[best] - usual[others].max(initial=0.0),
                 phrase[best],
                 *np.log(phrases),
+                *self._off_pitch(m.segment.pitch, mine),
+                m.segment.harmonic,
             ]
         found = [*np.log(np.maximum(ratios, 1e-9)), stretch, *around, *prints]
         return self.words[best], np.clip(found, -LIMIT, LIMIT)
+
+    def _off_pitch(self, pitch: float, mine: npt.NDArray[np.int64]) -> list[float]:
+        """Octaves off the person's pitch, and off the nearest of the word's own recordings; 0 when not known."""
+        off = np.abs(self._pitch[mine] - pitch)
+        apart = [abs(self._usual_pitch - pitch), float(off[np.isfinite(off)].min(initial=np.inf))]
+        return [octaves if np.isfinite(octaves) else 0.0 for octaves in apart]
+
+
+def _middle(values: Numbers) -> float:
+    """The median of those that are known; NaN when none is."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else float("nan")

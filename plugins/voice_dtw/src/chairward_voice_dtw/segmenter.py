@@ -18,6 +18,7 @@ from chairward_voice_dtw import endpoint
 from chairward_voice_dtw.audio import Floats
 from chairward_voice_dtw.endpoint import Endpointer, EndpointParameters, Event
 from chairward_voice_dtw.frontend import BANDS, HOP, POWER_FLOOR, WINDOW, MelStream
+from chairward_voice_dtw.pitch import PitchStream, pitch_of
 
 LISTENERS = (
     EndpointParameters(share=0.35, hang=20),
@@ -32,7 +33,8 @@ class Segment:
 
     mel: n x BANDS, pads included. noise: BANDS, the room before it. first, last: the active part, in stream frames.
     decided: the newest frame that was known. too_long: talk or noise, never a command. listener: which one found it.
-    voiced: share of frames that a voice detector called speech. peak_db: over the room.
+    voiced: share of frames that a voice detector called speech. peak_db: over the room. pitch: log2 Hz, NaN when it is
+    not known; harmonic: share of frames that have one.
     before_db, after_db: level of the 250 ms before and of what is known of the 70 ms after, under the word's: a command
     stands alone, talk goes on.
     """
@@ -46,6 +48,8 @@ class Segment:
     listener: int
     voiced: float
     peak_db: float
+    pitch: float
+    harmonic: float
     before_db: float = -30.0
     after_db: float = -30.0
 
@@ -88,6 +92,7 @@ class Segmenter:
         import webrtcvad
 
         self._mel = MelStream()
+        self._pitch = PitchStream()
         self._vad: Any = webrtcvad.Vad(2)
         self._endpointers = [Endpointer(p) for p in listeners]
         self._rooms = [np.zeros(BANDS, np.float32) for _ in listeners]
@@ -95,6 +100,7 @@ class Segmenter:
         self._rest = b""
         self._frames = np.zeros((0, BANDS), np.float32)
         self._speech = np.zeros(0, np.uint8)
+        self._track = np.zeros((0, 3), np.float32)
         self._first_frame = 0
         self.frames_seen = 0
         self.onsets: list[int] = []
@@ -103,12 +109,14 @@ class Segmenter:
         """Segments that end with these samples, in the order in which they became known."""
         mel = self._mel.push(samples)
         voiced = self._voiced(samples, len(mel))
+        track = np.concatenate([self._track, self._pitch.push(samples)])
         if not len(mel):
             return []
         frames = np.concatenate([self._frames, mel])
         first_frame = self._first_frame
         self._frames = frames[max(0, len(frames) - self._keep) :]
         self._speech = np.concatenate([self._speech, voiced])[-len(self._frames) :]
+        self._track = track[-len(self._frames) :]
         self._first_frame = first_frame + len(frames) - len(self._frames)
         self.frames_seen += len(mel)
         found = []
@@ -123,13 +131,14 @@ class Segmenter:
                     if number == 0:
                         self.onsets.append(event.first)
                 else:
-                    found.append(self._segment(event, number, frames, first_frame))
+                    found.append(self._segment(event, number, frames, track, first_frame))
         return sorted(found, key=lambda s: (s.decided, s.listener))
 
-    def _segment(self, event: Event, listener: int, frames: Floats, first_frame: int) -> Segment:
+    def _segment(self, event: Event, listener: int, frames: Floats, track: Floats, first_frame: int) -> Segment:
         pad = self._endpointers[listener].parameters.pad
         low = max(event.first - pad, first_frame)
         high = min(event.last + pad, event.frame) + 1
+        pitch, harmonic = pitch_of(_part(track, event.first - first_frame, event.last + 1 - first_frame))
         return Segment(
             mel=frames[low - first_frame : high - first_frame],
             noise=self._rooms[listener],
@@ -140,6 +149,8 @@ class Segmenter:
             listener=listener,
             voiced=event.voiced,
             peak_db=event.peak_db,
+            pitch=pitch,
+            harmonic=harmonic,
             **_around(frames[: event.frame + 1 - first_frame], event.first - first_frame, event.last - first_frame),
         )
 
@@ -151,6 +162,7 @@ class Segmenter:
         if low < 20 or high - low < 15:
             return None
         noise = quiet_part(_part(known, first - 5 - PAST - begin, first - 5 - begin))
+        pitch, harmonic = pitch_of(_part(self._track, first - begin, last + 1 - begin))
         peak = np.maximum(known[low:high].max(axis=0), POWER_FLOOR) / np.maximum(noise, POWER_FLOOR)
         return Segment(
             mel=known[low:high],
@@ -162,6 +174,8 @@ class Segmenter:
             listener=0,
             voiced=float(_part(speech, first - begin, last + 1 - begin).mean()),
             peak_db=float(10.0 * np.log10(peak).mean()),
+            pitch=pitch,
+            harmonic=harmonic,
             **_around(known, first - begin, last - begin),
         )
 

@@ -18,6 +18,7 @@ class Template:
     """One repetition of a word. mel: n x BANDS power, pads included. noise: of its room. name: for messages.
 
     sound: at RATE_HZ, with LEAD_S and TAIL_S of the recording's own room around it. onset_s, end_s: of the word in it.
+    pitch: log2 Hz, NaN when it is not known.
     """
 
     word: str
@@ -27,6 +28,7 @@ class Template:
     sound: Floats
     onset_s: float
     end_s: float
+    pitch: float
 
 
 LEAD_S, TAIL_S = 1.5, 0.3
@@ -60,7 +62,7 @@ def make_template(word: str, samples: Floats, name: str = "") -> Template:
     lead, tail = (room_tone(samples, int(s * STREAM_HZ), rng) for s in (LEAD_S, TAIL_S))
     sound = resample(np.concatenate([lead, samples, tail]), STREAM_HZ, RATE_HZ)
     onset_s, end_s = (LEAD_S + at / STREAM_HZ for at in (first, last))
-    return Template(word, segment.mel, segment.noise, name, sound, onset_s, end_s)
+    return Template(word, segment.mel, segment.noise, name, sound, onset_s, end_s, segment.pitch)
 
 
 def from_files(files: Mapping[str, Sequence[Path]]) -> list[Template]:
