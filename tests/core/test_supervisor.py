@@ -17,18 +17,9 @@ import pytest
 from chairward import plan, wire
 from chairward.components import Footprint
 from chairward.facts import Limits
+from chairward.lane_process import BEATS_AT_ONCE, FLOOD_A_SECOND, HANG_S, NOTES_A_PROCESS, START_S, LaneProcess
 from chairward.plan import ChairKind, LanePlan, Part, Plan
-from chairward.supervisor import (
-    BACK_OFF_S,
-    BEATS_AT_ONCE,
-    FLOOD_A_SECOND,
-    FORGIVEN_S,
-    LANE_HANG_S,
-    LANE_START_S,
-    NOTES_A_PROCESS,
-    LaneProcess,
-    Supervisor,
-)
+from chairward.supervisor import BACK_OFF_S, FORGIVEN_S, Supervisor
 
 LANE = LanePlan(name="front", source=Part(component="nobody"))
 WORKS = "import time; time.sleep(60)"
@@ -61,7 +52,7 @@ class Watched:
         )
         self.supervisor._control = control
         self.process = process
-        self.lane = LaneProcess(LANE, process, ours, time.monotonic())
+        self.lane = LaneProcess(LANE, process, ours)
         self.supervisor.lanes["front"] = self.lane
 
     def look(self, now: float | None = None) -> None:
@@ -136,7 +127,7 @@ def test_it_is_not_started_before_the_pause_is_over_and_then_the_guard_gets_its_
 
 @pytest.mark.parametrize(
     ("items", "silent_s", "says"),
-    [(1, LANE_HANG_S + 0.1, "has not moved for 5 s"), (0, LANE_START_S + 0.1, "was not ready within 90 s")],
+    [(1, HANG_S + 0.1, "has not moved for 5 s"), (0, START_S + 0.1, "was not ready within 90 s")],
 )
 def test_a_lane_that_hangs_is_ended_with_all_that_it_started_and_named(
     tmp_path: Path, items: int, silent_s: float, says: str
@@ -201,6 +192,18 @@ def test_a_lane_that_says_more_than_the_guard_takes_is_named_once(tmp_path: Path
             it.look()
         assert it.told().count("lane 'front' says more than the guard listens to") == 1
         assert it.lane.dropped == 900
+
+
+def test_a_lane_that_cannot_start_says_its_sentence_once_however_often_it_is_tried(tmp_path: Path) -> None:
+    with watched(tmp_path) as it:
+        for _ in range(3):
+            wire.send_control(it.its_end, wire.Note("lane 'front' cannot start: no camera"))
+            it.look()
+            ours, its_end = wire.pair()
+            it.its_end.close()
+            it.its_end = its_end
+            it.lane.started_again(it.process, ours)
+        assert it.supervisor.events == ["lane 'front' cannot start: no camera"]
 
 
 def test_a_lane_that_gives_descriptors_to_the_supervisor_fills_no_table(tmp_path: Path) -> None:

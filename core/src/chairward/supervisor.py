@@ -21,6 +21,7 @@ import msgspec
 from chairward import companions, frames, next_run, plan, records, wire
 from chairward.companions import RunError as RunError
 from chairward.components import STILL
+from chairward.lane_process import LaneProcess
 from chairward.options import BesideOptions, GuardOptions, LaneOptions
 from chairward.plan import LanePlan, Plan
 from chairward.processes import how, kill_group, last_words, spawn, terminate, wait_all
@@ -29,43 +30,14 @@ from chairward.realtime import a_little_ahead
 log = logging.getLogger(__name__)
 
 HEARTBEAT_S = 0.025
-LANE_START_S = 90.0
-LANE_HANG_S = 5.0
 GUARD_START_S = 30.0
 GUARD_HANG_S = 2.0
-BEATS_AT_ONCE = 64
-FLOOD_A_SECOND = 500
-"""More of a lane's messages than this are a flood. A line that nobody has read for long holds fewer."""
-NOTES_A_PROCESS = 3
-"""A lane has one sentence to say, when it cannot start; who says many is not written down."""
 COMPANIONS_OUTLIVE_S = 0.5
 GUARD_LEAVES_S = 5.0
 BACK_OFF_S = (0.2, 0.5, 1.0, 2.0, 5.0)
 FORGIVEN_S = 10.0
 """A lane that has worked this long is started again at once when it dies the next time."""
 RECORD_BUFFER_BYTES = 4 * 1024 * 1024
-
-
-@dataclass(slots=True)
-class LaneProcess:
-    """One lane as the supervisor sees it."""
-
-    plan: LanePlan
-    process: subprocess.Popen[bytes]
-    control: socket.socket
-    started_s: float
-    beat_s: float = 0.0
-    items: int = 0
-    dropped: int = 0
-    dropped_before: int = 0
-    said: int = 0
-    said_since_s: float = 0.0
-    notes: int = 0
-    deaths: int = 0
-    deaths_in_a_row: int = 0
-    restart_at_s: float = 0.0
-    ended: bool = False
-    lost: bool = False
 
 
 @dataclass(slots=True)
@@ -172,13 +144,9 @@ class Supervisor:
         for fd in rings.values():
             os.close(fd)
         if (old := self.lanes.get(lane.name)) is not None:
-            old.control.close()
-            old.process, old.control = process, ours
-            old.started_s, old.beat_s, old.restart_at_s, old.items = time.monotonic(), 0.0, 0.0, 0
-            old.dropped_before += old.dropped
-            old.dropped = old.said = old.notes = 0
+            old.started_again(process, ours)
         else:
-            self.lanes[lane.name] = LaneProcess(lane, process, ours, time.monotonic())
+            self.lanes[lane.name] = LaneProcess(lane, process, ours)
         return guard_end, records_end
 
     @property
@@ -273,7 +241,10 @@ class Supervisor:
 
     def _watch_lane(self, lane: LaneProcess, now: float) -> None:
         """Take its beats; when it is dead or hangs: name it, end it, start it again after a pause."""
-        self._read_beats(lane, now)
+        for sentence in lane.listen(now):
+            self._note(sentence)
+        if lane.ended and lane.plan.ends_run:
+            self.stop(f"the input of lane '{lane.plan.name}' has ended")
         if lane.restart_at_s:
             if now >= lane.restart_at_s and lane.process.poll() is not None:
                 self._restart(lane)
@@ -281,17 +252,12 @@ class Supervisor:
         if lane.ended:
             return
         code = lane.process.poll()
-        reason = ""
         if code is not None:
             if code == 0 and self._stop:
                 return
             reason = f"its process {how(code)}: {last_words(self.run_dir, f'lane-{lane.plan.name}')}"
-        elif lane.items and now - lane.beat_s > LANE_HANG_S:
-            reason = f"its process has not moved for {LANE_HANG_S:.0f} s"
-        elif not lane.items and now - max(lane.started_s, lane.beat_s) > LANE_START_S:
-            reason = f"its process was not ready within {LANE_START_S:.0f} s"
-        elif lane.said > FLOOD_A_SECOND:
-            reason = "its process floods its line to the supervisor"
+        else:
+            reason = lane.trouble(now)
         if not reason:
             return
         kill_group(lane.process)  # with what it may have started; reaped by a later poll, never waited for
@@ -304,33 +270,6 @@ class Supervisor:
         self._note(f"lane '{lane.plan.name}': {reason}; starting it again in {pause_s:g} s")
         assert self._control is not None
         wire.send_control(self._control, wire.Died(lane.plan.name, reason[:500]))
-
-    def _read_beats(self, lane: LaneProcess, now: float) -> None:
-        if now - lane.said_since_s >= 1.0:
-            lane.said, lane.said_since_s = 0, now
-        for _ in range(BEATS_AT_ONCE):
-            try:
-                received = wire.receive_control(lane.control)
-            except (EOFError, OSError):
-                return
-            if received is None:
-                return
-            lane.said += 1
-            for fd in received[1]:  # a lane has none to give
-                os.close(fd)
-            match received[0]:
-                case wire.Beat(items, dropped, ended, lost):
-                    if dropped and not lane.dropped:
-                        self._note(f"lane '{lane.plan.name}' says more than the guard listens to: what is over is lost")
-                    lane.beat_s, lane.items, lane.dropped, lane.lost = now, items, dropped, lost
-                    if ended and not lane.ended:
-                        lane.ended = True
-                        self._note(f"lane '{lane.plan.name}': its input has ended")
-                        if lane.plan.ends_run:
-                            self.stop(f"the input of lane '{lane.plan.name}' has ended")
-                case wire.Note(text) if lane.notes < NOTES_A_PROCESS and text not in self.events:
-                    lane.notes += 1
-                    self._note(text)
 
     def _restart(self, lane: LaneProcess) -> None:
         assert self._control is not None
