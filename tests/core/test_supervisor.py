@@ -3,6 +3,7 @@ after a pause that grows. (Whole chairs: tests/safety.)"""
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import subprocess
 import sys
@@ -192,6 +193,19 @@ def test_a_lane_that_says_more_than_the_guard_takes_is_named_once(tmp_path: Path
             it.look()
         assert it.told().count("lane 'front' says more than the guard listens to") == 1
         assert it.lane.dropped == 900
+
+
+@pytest.mark.parametrize("ends_run", [True, False])
+def test_the_end_of_an_input_ends_the_run_only_where_the_chair_file_says_so(tmp_path: Path, ends_run: bool) -> None:
+    with watched(tmp_path, "pass") as it:
+        it.process.wait(20.0)
+        it.lane.plan = dataclasses.replace(LANE, ends_run=ends_run)
+        wire.send_control(it.its_end, wire.Beat(items=9, dropped=0, ended=True))
+        it.look()
+        it.look()
+        assert it.supervisor.ended_reason == ("the input of lane 'front' has ended" if ends_run else "")
+        assert it.supervisor.events == ["lane 'front': its input has ended"]
+        assert it.lane.restart_at_s == 0.0, "who has given all is not started again"
 
 
 def test_a_lane_that_cannot_start_says_its_sentence_once_however_often_it_is_tried(tmp_path: Path) -> None:
