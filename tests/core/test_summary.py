@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from chairward.cli.app import app
 from chairward.cli.run import parse_seconds, reports
-from chairward.cli.run_shown import report
+from chairward.cli.run_shown import report, status_line
 from chairward.components import Motion
 from chairward.durations import Durations, percentiles_ms
 from chairward.envelope import Caps
@@ -216,6 +216,17 @@ def test_the_summary_of_a_chair_that_never_moved_says_why_and_has_no_none() -> N
     assert f"freshness {sentence}" in shown
     assert "no [x]" in shown
     assert "None" not in shown
+
+
+def test_what_a_plugin_says_cannot_wipe_the_instruction_off_the_screen() -> None:
+    said = record(0)
+    wipes = Why(rule="freshness", source="front", detail="\x1b[2J\x1b[H\rWay clear")
+    shown = status_line(replace(said, decision=replace(said.decision, reasons=(wipes,)))).plain
+    assert shown.startswith(" ■ Stop now")
+    assert shown.isprintable()
+    whole = {**Summary(LIMITS).result(), "ended": "over", "lanes": {}, "events": ["\x1b[2J"], "recording": ""}
+    Console(width=200, file=(out := io.StringIO())).print(report(whole))
+    assert "\x1b" not in out.getvalue()
 
 
 @pytest.mark.parametrize(("option", "end"), [("--logs", ""), ("--logs", "/logs"), ("--record", "/r.mcap")])

@@ -30,6 +30,11 @@ def spawn(run_dir: Path, module: str, options: msgspec.Struct, name: str, fds: l
         )
 
 
+def plain(text: str) -> str:
+    """What a plugin says, fit for a terminal: one line, with nothing that moves the cursor or clears the screen."""
+    return "".join(letter if letter.isprintable() else " " for letter in text)
+
+
 def last_words(run_dir: Path, name: str) -> str:
     """The last line a process wrote: usually the error that ended it."""
     path = run_dir / f"{name}.log"

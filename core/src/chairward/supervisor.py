@@ -24,7 +24,7 @@ from chairward.components import STILL
 from chairward.lane_process import LaneProcess
 from chairward.options import BesideOptions, GuardOptions, LaneOptions
 from chairward.plan import LanePlan, Plan
-from chairward.processes import how, kill_group, last_words, spawn, terminate, wait_all
+from chairward.processes import how, kill_group, last_words, plain, spawn, terminate, wait_all
 from chairward.realtime import a_little_ahead
 
 log = logging.getLogger(__name__)
@@ -282,8 +282,8 @@ class Supervisor:
             records_end.close()
 
     def _note(self, text: str) -> None:
-        log.warning("%s", text)
-        self.events.append(text)
+        self.events.append(plain(text))
+        log.warning("%s", self.events[-1])
 
     # ---- ending ---------------------------------------------------------------------------------------------------
 

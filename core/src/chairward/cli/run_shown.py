@@ -10,6 +10,7 @@ from rich.text import Text
 
 from chairward.facts import Decision, Instruction
 from chairward.messages import Way
+from chairward.processes import plain
 from chairward.records import Record
 
 _SIGN = {
@@ -33,7 +34,7 @@ def status_line(record: Record) -> Text:
     text.append(" ".join("^v<>"[list(Way).index(w)] for w in decision.open_ways).ljust(8), style="cyan")
     word = decision.command.value if decision.command else "-"
     text.append(f" {word:<7} {'▮' * round(decision.lease_left_s):<8}")
-    text.append(_reason(decision), style="dim")
+    text.append(plain(_reason(decision)), style="dim")
     return text
 
 
@@ -52,7 +53,7 @@ def report(result: dict[str, Any]) -> Table:
     table.add_column()
     table.add_column(overflow="fold")
     for name, said in _rows(result):
-        table.add_row(name, Text(said))  # as it is: a text may have [brackets]
+        table.add_row(name, Text(plain(said)))  # as it is: a text may have [brackets]
     return table
 
 
