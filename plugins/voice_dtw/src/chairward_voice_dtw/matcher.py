@@ -57,6 +57,7 @@ class Matcher:
         self._scores = calibration.fitted(weights)
         self.words = sorted({t.word for t in templates})
         self._word_of = np.array([self.words.index(t.word) for t in templates])
+        self._rows = [np.flatnonzero(self._word_of == w) for w in range(len(self.words))]
         clean = [np.ascontiguousarray(subtract(t.mel, t.noise, keep=0.02)) for t in templates]
         self._clean, self._lengths = dtw.pack(clean)
         self._level = np.array([max(float(np.percentile(c.sum(axis=1), 80)), 1e-9) for c in clean])
@@ -114,17 +115,17 @@ class Matcher:
         """The nearest word and what speaks for it, by `calibration.EVIDENCE`. without: as if that word had not been
         enrolled (for the calibration)."""
         keep = [w for w, word in enumerate(self.words) if word != without]
-        allowed = np.isin(self._word_of, keep)
-        moved = np.array([m.moved[self._word_of == w].min() for w in range(len(self.words))])
+        allowed = np.concatenate([self._rows[w] for w in keep])
+        moved = np.array([m.moved[rows].min() for rows in self._rows])
         choice = -CHOOSE[0] * np.log(moved)
         if m.spotted is not None:
             choice += CHOOSE[1] * m.spotted.best
         best = max(keep, key=lambda w: choice[w])
         others = [w for w in keep if w != best]
-        mine = np.flatnonzero(self._word_of == best)
+        mine = self._rows[best]
         nearest = mine[int(np.argmin(m.moved[mine]))]
         d, own, between = float(moved[best]), self._own[best], self._between[best]
-        free = np.array([m.free[self._word_of == w].min(axis=0).mean() for w in range(len(self.words))])
+        free = np.array([m.free[rows].min(axis=0).mean() for rows in self._rows])
         ratios = [
             d / own,
             d / moved[others].min(initial=1.5 * d),

@@ -6,7 +6,8 @@ less OCTAVE_COST for each octave down, for a voice repeats itself after two peri
 
 from __future__ import annotations
 
-from math import ceil
+from math import ceil, nan
+from statistics import median
 
 import numpy as np
 
@@ -83,7 +84,9 @@ class PitchStream:
 def pitch_of(track: Floats) -> tuple[float, float]:
     """Of a word's frames (n x 3): log2 Hz, NaN when too few frames are voiced; and the share that is."""
     if not len(track):
-        return float("nan"), 0.0
-    loud = track[track[:, 2] >= np.sort(track[:, 2])[ceil(LOUDER * (len(track) - 1))]]
-    voiced = loud[loud[:, 1] >= VOICED, 0]
-    return float(np.median(voiced)) if len(voiced) >= FEWEST else float("nan"), len(voiced) / len(loud)
+        return nan, 0.0
+    frames = track.tolist()
+    least = sorted(power for _, _, power in frames)[ceil(LOUDER * (len(frames) - 1))]
+    loud = [(octave, height) for octave, height, power in frames if power >= least]
+    voiced = [octave for octave, height in loud if height >= VOICED]
+    return median(voiced) if len(voiced) >= FEWEST else nan, len(voiced) / len(loud)
