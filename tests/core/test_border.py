@@ -130,6 +130,16 @@ def test_a_reading_in_which_nothing_is_nearer_waits_for_the_tick(changes: dict[s
     assert facts(b).ranges[SONAR] == (before, after), "what waits is known all the same"
 
 
+def test_every_refused_message_is_counted_however_many_come_between_two_decisions() -> None:
+    b = border()
+    for nth in range(5):
+        b.take("front", b"rubbish %d" % nth, NOW)
+    f = take(b, reading(captured_ns=NOW + 6 * MS))
+    assert f.refusals == {"front": 5, SONAR: 1}
+    assert f.refused.keys() == f.refusals.keys()
+    assert facts(b).refusals == {}, "each is told once"
+
+
 @pytest.mark.parametrize("value", [-1, 20_001, math.nan, math.inf, "near", 1.5, True])
 def test_an_impossible_distance_is_refused(value: object) -> None:
     b = border()
@@ -165,6 +175,18 @@ def test_a_replaced_process_counts_from_the_beginning_and_is_lost_until_all_its_
     assert not take(b, Alive(seq=1, captured_ns=NOW), stage="extra").lost
 
 
+@pytest.mark.parametrize("stray", [reading(1, ahead_mm=300), Veto(seq=1, captured_ns=NOW, stop=True, reason="tilt")])
+def test_what_a_stage_said_without_a_vote_is_forgotten_with_its_process(stray: Message) -> None:
+    b = border()
+    f = take(b, stray, "panel", "keys")
+    assert {**f.ranges, **f.vetoes}, "while that process lives it closes all ways (rule 1)"
+    take(b, reading(1))
+    b.lane_attached("front")
+    assert {**facts(b).ranges, **facts(b).vetoes}.keys() == {"panel/keys", SONAR}, "of the other lanes all is kept"
+    b.lane_attached("panel")
+    assert {**facts(b).ranges, **facts(b).vetoes}.keys() == {SONAR}
+
+
 def test_a_stage_that_the_chair_file_does_not_name_is_not_heard() -> None:
     f = take(border(), reading(), stage="impostor")
     assert not f.ranges
@@ -180,6 +202,12 @@ def test_a_lane_may_press_only_what_the_chair_file_says() -> None:
     assert not take(b, Press(seq=1, captured_ns=NOW, button=Button.STOP)).pressed
 
 
+@pytest.mark.parametrize(("captured_ns", "at_ns"), [(NOW - 300 * MS, NOW - 300 * MS), (NOW + 4 * MS, NOW)])
+def test_a_press_is_as_old_as_its_lane_says_and_no_younger_than_its_arrival(captured_ns: int, at_ns: int) -> None:
+    f = take(border(), Press(seq=1, captured_ns=captured_ns, button=Button.STOP), "panel", "keys")
+    assert f.pressed[0].at_ns == at_ns
+
+
 def test_what_was_heard_and_pressed_is_handed_over_once_in_order() -> None:
     b = border()
     take_ = [Command.FRONT, Command.STOP]
@@ -191,13 +219,14 @@ def test_what_was_heard_and_pressed_is_handed_over_once_in_order() -> None:
     assert facts(b).heard == ()
 
 
-def test_however_much_is_said_at_once_a_stop_is_never_the_one_dropped() -> None:
+@pytest.mark.parametrize("command", [Command.STOP, Command.HELP])
+def test_however_much_is_said_at_once_a_stop_or_a_call_for_help_is_never_the_one_dropped(command: Command) -> None:
     b = border()
     for seq in range(1, HEARD_LIMIT + 5):
         wish = Intent(seq=seq, captured_ns=NOW, command=Command.FRONT)
         b.take("front", encode_parcel(Parcel(stage="extra", body=wish)), NOW)
-    f = take(b, Intent(seq=1000, captured_ns=NOW, command=Command.STOP), stage="extra")
-    assert f.heard[-1].command is Command.STOP
+    f = take(b, Intent(seq=1000, captured_ns=NOW, command=command), stage="extra")
+    assert f.heard[-1].command is command
 
 
 @pytest.mark.parametrize(

@@ -73,6 +73,19 @@ def summed(*records: Record) -> dict[str, object]:
     return summary.result()
 
 
+def test_every_refused_message_is_counted_and_the_last_of_each_source_is_told() -> None:
+    first, second = record(0), record(20)
+    facts = [
+        replace(first.facts, refused={"front": "rubbish", "voice": "late"}, refusals={"front": 8, "voice": 1}),
+        replace(second.facts, refused={"front": "too long"}, refusals={"front": 3}),
+    ]
+    summary = summed(*(replace(one, facts=said) for one, said in zip((first, second), facts, strict=True)))
+    assert summary["refused_messages"] == {
+        "front": {"count": 11, "last": "too long"},
+        "voice": {"count": 1, "last": "late"},
+    }
+
+
 def test_distance_is_speed_times_time() -> None:
     assert summed(*(record(t, Motion(500.0, 0.0)) for t in range(0, 2001, 20)))["driven_m"] == 1.0
 

@@ -26,6 +26,20 @@ def test_a_word_that_comes_with_a_call_for_help_is_heard_too() -> None:
     assert state.wish == facts.heard[1]
 
 
+def test_whoever_asks_for_a_stop_is_named() -> None:
+    """A sensor that shouts STOP without end holds the chair fast: people must be able to see which."""
+    heard = (
+        said(Command.STOP, "sonar/ring"),
+        said(Command.STOP),
+        said(Command.STOP, "sonar/ring"),
+        said(Command.FRONT),
+    )
+    facts = healthy(LIMITS, heard=heard)
+    state, notes = listen(driving(), facts, LIMITS)
+    assert state.wish is None
+    assert notes == ("sonar/ring: 'stop' heard", f"{VOICE}: 'stop' heard")
+
+
 @pytest.mark.parametrize("other", ["a/stick", "z/stick"])
 def test_a_stick_at_rest_ends_only_its_own_wish(other: str) -> None:
     pushed = driving(wish=said(Command.FRONT, "panel/stick", stick=(1.0, 0.0)))
@@ -59,6 +73,21 @@ def test_hold_during_an_arc_holds_the_drive_under_it_until_it_is_let_go() -> Non
     assert state.base is not None
     assert live(state.base, healthy(LIMITS, NOW_NS + LIMITS.held_ns), LIMITS)
     assert not live(state.base, healthy(LIMITS, NOW_NS + LIMITS.held_ns + MS), LIMITS)
+
+
+def test_hold_counts_from_when_the_switch_was_seen_to_be_down() -> None:
+    """What a lane that hung delivers late does not make up for a switch that was let go meanwhile."""
+    presses = tuple(replace(HOLD[0], at_ns=NOW_NS - age_ms * MS) for age_ms in (400, LIMITS.held_ns // MS, 300))
+    state, _ = listen(driving(), healthy(LIMITS, pressed=presses), LIMITS)
+    assert state.wish is not None
+    assert live(state.wish, healthy(LIMITS, NOW_NS), LIMITS)
+    assert not live(state.wish, healthy(LIMITS, NOW_NS + MS), LIMITS)
+
+
+def test_a_hold_that_is_older_than_a_held_switch_may_be_holds_nothing() -> None:
+    late = (replace(HOLD[0], at_ns=NOW_NS - LIMITS.held_ns - 1),)
+    state, _ = listen(driving(), healthy(LIMITS, pressed=late), LIMITS)
+    assert state == driving()
 
 
 @pytest.mark.parametrize("word", MOVING)

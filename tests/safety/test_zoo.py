@@ -51,6 +51,7 @@ TOLD = {
     "random_bytes": NO_MESSAGE,
     "repeat": "must rise",
     "segfault": "killed by SIGSEGV",
+    "shout_stop": "'stop' heard",
     "silent": SILENT,
     "spin": SILENT,
     "stop_itself": SILENT,

@@ -39,7 +39,7 @@ TOO_LATE_NS = 1_000 * MS
 CONFIRM_WITHIN_NS = 5_000 * MS
 """A spoken RESET that is not confirmed by a second word within this is forgotten."""
 HEARD_LIMIT = 16
-"""Wishes and presses kept between two decisions; of more, a stop is never the one dropped."""
+"""Wishes and presses kept between two decisions; of more, a stop or a call for help is never the one dropped."""
 
 
 R = TypeVar("R", bound=Report)
@@ -65,6 +65,7 @@ class Border:
     _heard: list[Wish] = field(default_factory=list)
     _pressed: list[Pressed] = field(default_factory=list)
     _refused: dict[str, str] = field(default_factory=dict)
+    _refusals: dict[str, int] = field(default_factory=dict)
     _asked_ns: dict[str, int] = field(default_factory=dict)
     _wishes: int = 0
 
@@ -91,6 +92,7 @@ class Border:
             return urgent
         except Refusal as refusal:
             self._refused[source] = str(refusal)
+            self._refusals[source] = self._refusals.get(source, 0) + 1
             return False
 
     def lane_lost(self, lane: str, reason: str) -> None:
@@ -101,8 +103,14 @@ class Border:
         self._awaited[lane] = {source for source in votes if source.startswith(f"{lane}/")}
 
     def lane_attached(self, lane: str) -> None:
-        """A new process serves the lane and counts from the beginning; it is lost until it has spoken itself."""
+        """A new process serves the lane and counts from the beginning; it is lost until it has spoken itself.
+
+        What the old one said of things that it has no vote about is forgotten: it would close all ways for ever.
+        """
         self.lane_lost(lane, "its new process has said nothing yet")
+        for said, votes in ((self._ranges, self.limits.sensors), (self._vetoes, self.limits.vetoers)):
+            for source in [s for s in said if s.startswith(f"{lane}/") and s not in votes]:
+                del said[source]
         for source in [s for s in self._last_seq if s.startswith(f"{lane}/")]:
             del self._last_seq[source]
 
@@ -119,9 +127,10 @@ class Border:
             drive=drive,
             supervisor_ns=supervisor_ns,
             gap_ns=gap_ns,
-            refused=dict(self._refused),
+            refused=self._refused,
+            refusals=self._refusals,
         )
-        self._heard, self._pressed, self._refused = [], [], {}
+        self._heard, self._pressed, self._refused, self._refusals = [], [], {}, {}
         return facts
 
     def _check(self, plan: LanePlan, source: str, report: Report, now_ns: int) -> None:
@@ -182,7 +191,8 @@ class Border:
                 self._wish(source, min(report.captured_ns, now_ns), _stick_command(report), held=True, stick=stick)
             case Press():
                 if len(self._pressed) < HEARD_LIMIT or report.button is Button.STOP:
-                    self._pressed.append(Pressed(source=source, button=report.button, at_ns=now_ns))
+                    at_ns = min(report.captured_ns, now_ns)
+                    self._pressed.append(Pressed(source=source, button=report.button, at_ns=at_ns))
             case Lost():
                 self.lane_lost(lane, report.reason)
                 return
@@ -215,7 +225,7 @@ class Border:
         held: bool = False,
         stick: tuple[float, float] | None = None,
     ) -> None:
-        if len(self._heard) >= HEARD_LIMIT and command is not Command.STOP:
+        if len(self._heard) >= HEARD_LIMIT and command not in (Command.STOP, Command.HELP):
             return
         self._wishes += 1
         self._heard.append(

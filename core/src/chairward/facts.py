@@ -34,7 +34,10 @@ class Wish(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Pressed(msgspec.Struct, frozen=True, kw_only=True):
-    """A button, stamped by the guard; the guard has already checked that this source may press it."""
+    """A button; the guard has already checked that this source may press it.
+
+    at_ns: when it was seen to be down, arrival at the latest.
+    """
 
     source: str
     button: Button
@@ -48,7 +51,8 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
     vetoes, alive: the newest of each source. lost: source -> sentence, for what is known to be dead.
     heard, pressed: all that arrived since the last decision, in order of arrival.
     supervisor_ns: last heartbeat of the supervisor. gap_ns: 0, or by how much the guard's own clock jumped.
-    refused: source -> sentence, for messages of this drain that failed at the border.
+    refused: source -> sentence, for messages since the last decision that failed at the border (of several, the last);
+    refusals: how many they were.
     """
 
     now_ns: int
@@ -62,6 +66,7 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
     supervisor_ns: int = 0
     gap_ns: int = 0
     refused: Mapping[str, str] = {}
+    refusals: Mapping[str, int] = {}
 
 
 class SourceLimits(msgspec.Struct, frozen=True, kw_only=True):

@@ -102,7 +102,8 @@ class Summary:
             self.latches.append(decision.latch)
         for source, sentence in record.facts.refused.items():
             self.refused[source] = sentence
-            self.refused_count[source] = self.refused_count.get(source, 0) + 1
+            times = record.facts.refusals.get(source, 1)
+            self.refused_count[source] = self.refused_count.get(source, 0) + times
         self.last = decision
         if "supervisor" not in record.facts.lost:
             self.last_running = decision

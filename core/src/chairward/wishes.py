@@ -54,8 +54,10 @@ def listen(state: State, facts: Facts, limits: Limits) -> tuple[State, tuple[str
         if pressed.button is Button.STOP:
             latch = state.latch if state.needs_reset else f"STOP was pressed ({pressed.source})"
             return replace(state, latch=latch, wish=None, base=None), ()
-    if any(wish.command is Command.STOP for wish in facts.heard):
-        return replace(state, wish=None, base=None), ()
+    if stops := [wish.source for wish in facts.heard if wish.command is Command.STOP]:
+        return replace(state, wish=None, base=None), tuple(
+            [f"{source}: 'stop' heard" for source in dict.fromkeys(stops)]
+        )
     notes = []
     for wish in facts.heard:
         if wish.command is Command.RESET:
@@ -70,8 +72,9 @@ def listen(state: State, facts: Facts, limits: Limits) -> tuple[State, tuple[str
             notes.append(f"{wish.source}: '{wish.command}' is not obeyed: {state.latch}")
         else:
             state = hear(state, wish, limits)
-    if any(pressed.button is Button.HOLD for pressed in facts.pressed):
-        state = _hold(state, facts.now_ns)
+    oldest_ns = facts.now_ns - limits.held_ns
+    if held := [p.at_ns for p in facts.pressed if p.button is Button.HOLD and p.at_ns >= oldest_ns]:
+        state = _hold(state, max(held))
     return state, tuple(notes)
 
 
@@ -108,15 +111,16 @@ def hear(state: State, wish: Wish, limits: Limits) -> State:
     return replace(state, wish=wish, base=None, step_left=step)
 
 
-def _hold(state: State, now_ns: int) -> State:
+def _hold(state: State, at_ns: int) -> State:
     """HOLD turns a live forward word into a held one: it goes on while HOLD repeats, past its lease, until release.
 
+    It counts from at_ns, when the switch was seen to be down: what comes late does not hold for longer, or not at all.
     A step is not held: it ends when it is done, and of an arc HOLD holds the drive under it.
     """
     if state.base:
-        return replace(state, base=replace(state.base, held=True, at_ns=now_ns))
+        return replace(state, base=replace(state.base, held=True, at_ns=at_ns))
     if state.wish and state.wish.command is Command.FRONT and state.wish.stick is None:
-        return replace(state, wish=replace(state.wish, held=True, at_ns=now_ns))
+        return replace(state, wish=replace(state.wish, held=True, at_ns=at_ns))
     return state
 
 

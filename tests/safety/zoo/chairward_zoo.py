@@ -205,6 +205,13 @@ def flood_stops(animal: Citizen) -> object:
     return [Intent(seq=animal.seq - nth, captured_ns=now, command=Command.STOP) for nth in reversed(range(200))]
 
 
+def shout_stop(animal: Citizen) -> object:
+    """Not a flood: with each good reading a word that anybody may say."""
+    good = animal.good()
+    animal.seq += 1
+    return [good, Intent(seq=animal.seq, captured_ns=time.monotonic_ns(), command=Command.STOP)]
+
+
 def flood_losses(animal: Citizen) -> object:
     animal.due, now = time.monotonic(), time.monotonic_ns()
     return [Lost(seq=1, captured_ns=now, reason=f"leg {nth} was torn out") for nth in range(200)]

@@ -148,7 +148,12 @@ def some_heard(rng: Random, facts: Facts) -> Facts:
         facts,
         heard=tuple(some_wish(rng, facts.now_ns, seq) for seq in range(words)),
         pressed=tuple(
-            Pressed(source=PANEL, button=rng.choice(tuple(Button)), at_ns=facts.now_ns) for _ in range(presses)
+            Pressed(
+                source=PANEL,
+                button=rng.choice(tuple(Button)),
+                at_ns=facts.now_ns - rng.choice((0, 0, 0, 240, 251)) * MS,
+            )
+            for _ in range(presses)
         ),
     )
 
