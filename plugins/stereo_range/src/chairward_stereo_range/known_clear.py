@@ -20,7 +20,7 @@ FASTEST_MM_S = 1000.0
 """The chair's speed where the floor does not tell it."""
 FARTHEST_MM = 1500.0
 """Farther than this the way is not called known."""
-NEEDED_MM = 670.0
+NEEDED_MM = 700.0
 """So much known way must be left: the stop distance and the error of a reading."""
 SAME_MM = 100.0
 """What is measured within so much of where the known way should end is what ended it: so far the way is known still."""
