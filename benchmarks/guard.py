@@ -156,7 +156,7 @@ def report(pieces: list[Row]) -> Row:
     """Percentiles of all pieces of a kind, with so many neighbours or beside that animal."""
     rows: dict[str, dict[str, Row]] = {}
     for piece in pieces:
-        name = piece.get("animal", f"{piece.get('neighbours')} busy neighbours")
+        name = piece.get("animal", f"{piece.get('neighbours')} busy neighbours{piece.get('beside', '')}")
         row = rows.setdefault(piece["kind"], {}).setdefault(name, {"pieces": 0, "all": [], "whole": []})
         row["pieces"] += 1
         row["all"] += piece["all_ns"]
@@ -182,6 +182,7 @@ def main() -> None:
     parser.add_argument("what", choices=[*KINDS, "report"])
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--neighbours", type=int, default=0)
+    parser.add_argument("--beside", default="", help="what else went on: such pieces are told apart")
     parser.add_argument("--work", type=Path, default=Path(tempfile.gettempdir()) / "chairward-guard.jsonl")
     options = parser.parse_args()
     if options.what == "report":
@@ -195,7 +196,8 @@ def main() -> None:
         sys.path.insert(0, os.environ["PYTHONPATH"])
         pieces = []
         for row in KINDS[options.what](folder, options):
-            pieces.append({"kind": options.what, **row})
+            beside = f", {options.beside}" if options.beside else ""
+            pieces.append({"kind": options.what, "beside": beside, **row})
             with options.work.open("a") as file:
                 file.write(json.dumps(pieces[-1]) + "\n")
     print(json.dumps(report(pieces), indent=1))
