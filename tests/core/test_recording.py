@@ -19,33 +19,22 @@ from typer.testing import CliRunner
 from chairward import plan, records
 from chairward.arbiter import decide
 from chairward.cli.replay import replay as replay_command
-from chairward.components import Context, Footprint, Motion
+from chairward.components import Context, Motion
 from chairward.facts import MS, Facts, Limits, State, Wish
 from chairward.messages import Command, DriveStatus, RangeReading
-from chairward.plan import ChairKind, LanePlan, Part, Plan
+from chairward.plan import LanePlan, Part, Plan
 from chairward.recording import PINS, PLAN, RECORDS, Recorder, RecorderSettings, messages, read, read_plan
 from chairward.records import Record
 from chairward.replay import Gap, Replayed, replay
 from chairward.shared_state import SharedState
+from chairward.testing.ride import chair_plan
 
 LIMITS = Limits(steer_deg_s=5.0)
 
 
 def a_plan() -> Plan:
-    return Plan(
-        chair="t",
-        chair_file="/t.toml",
-        kind=ChairKind.SIMULATOR,
-        person="p",
-        person_file="/p.toml",
-        person_dir="/p",
-        language="en",
-        words={"go": "front"},
-        footprint=Footprint(front_mm=1, rear_mm=1, half_width_mm=1),
-        limits=LIMITS,
-        drive=Part(component="pic_serial"),
-        lanes=(LanePlan(name="front", source=Part(component="sonar")),),
-    )
+    lane = LanePlan(name="front", source=Part(component="sonar"))
+    return chair_plan(words={"go": "front"}, limits=LIMITS, drive=Part(component="pic_serial"), lanes=(lane,))
 
 
 @cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,8 +10,10 @@ from typing import Any
 from msgspec.structs import replace
 
 from chairward.arbiter import decide
+from chairward.components import Footprint
 from chairward.facts import MS, Decision, Facts, Limits, Pressed, S, SourceLimits, State, Wish
 from chairward.messages import Alive, Button, Command, DriveStatus, RangeReading, Veto, Way
+from chairward.plan import ChairKind, LanePlan, Part, Plan
 
 FRONT, VOICE, PANEL = "front/range", "voice/words", "panel/switch"
 AHEAD_AND_SIDES = frozenset({Way.AHEAD, Way.LEFT, Way.RIGHT})
@@ -26,6 +29,25 @@ def chair_limits(**changes: Any) -> Limits:
         stop_devices={PANEL: SourceLimits(freshness_ns=400 * MS)},
     )
     return replace(plain, **changes)
+
+
+def chair_plan(**changes: Any) -> Plan:
+    """The plan of that chair, with a drive and one lane that name no real component; changed as told."""
+    plain = Plan(
+        chair="t",
+        chair_file="/t.toml",
+        kind=ChairKind.SIMULATOR,
+        person="p",
+        person_file="/p.toml",
+        person_dir="/p",
+        language="en",
+        words={},
+        footprint=Footprint(front_mm=1, rear_mm=1, half_width_mm=1),
+        limits=chair_limits(),
+        drive=Part(component="none"),
+        lanes=(LanePlan(name="front", source=Part(component="nobody")),),
+    )
+    return dataclasses.replace(plain, **changes)
 
 
 def readings(
