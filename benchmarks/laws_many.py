@@ -1,6 +1,6 @@
 """Promise P2 by the hundred million: the laws `one_step` and `twin_rides` of laws.py, over arrays of cases.
 
-    .venv/bin/python benchmarks/laws_many.py [--chairs 2000] [--seed 0]         writes benchmarks/results/laws_many.json
+    .venv/bin/python benchmarks/laws_many.py [--chairs 2000] [--minutes 60]  writes benchmarks/results/laws_many.json
 
 `chairward.testing.many` says the rules a second time, for arrays; of every chair some rows go through `decide` as well,
 and must come out the same. A broken law or a difference ends it with the seed and the row.
@@ -8,15 +8,10 @@ and must come out the same. A broken law or a difference ends it with the seed a
 
 from __future__ import annotations
 
-import argparse
-import json
-import time
-from collections import Counter
-from multiprocessing import Pool
-from pathlib import Path
 from random import Random
 
 import numpy as np
+from judging import judge
 
 from chairward.arbiter import decide
 from chairward.facts import Limits
@@ -24,7 +19,6 @@ from chairward.testing import cases, many
 from chairward.testing.laws import must
 from chairward.testing.many_rides import twins
 
-RESULTS = Path(__file__).parent / "results" / "laws_many.json"
 PAIRS, COMPARED = 50_000, 20
 RIDES, TICKS = 500, 60
 
@@ -46,6 +40,7 @@ def chair(seed: int) -> dict[str, int]:
         decides_the_same(tick.worse, tick.worse_motion, nth, seed)
         compared += 2
     return {
+        "chairs": 1,
         "pairs": PAIRS,
         "of_them_moving": int((motions[0] != 0.0).any(axis=1).sum()),
         "of_them_slowed": int((motions[0] != motions[1]).any(axis=1).sum()),
@@ -68,27 +63,6 @@ def decides_the_same(array: many.Many, motion: many.Floats, row: int, seed: int)
     must(same, "decide() says something else", f"seed {seed}", f"row {row}")
 
 
-def main() -> None:
-    """Run, count, write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--chairs", type=int, default=2_000)
-    parser.add_argument("--processes", type=int, default=None)
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
-    begun, counts = time.monotonic(), Counter[str]()
-    with Pool(options.processes) as pool:
-        for judged in pool.imap_unordered(chair, range(options.seed, options.seed + options.chairs)):
-            counts.update(judged)
-    result = {
-        "what": "random chairs: a case and a worse one, and twins that ride: none faster, all compared rows as decide",
-        "chairs": options.chairs,
-        **counts,
-        "first_seed": options.seed,
-        "seconds": round(time.monotonic() - begun),
-    }
-    RESULTS.write_text(json.dumps(result, indent=1) + "\n")
-    print(json.dumps(result, indent=1))
-
-
 if __name__ == "__main__":
-    main()
+    what = "random chairs: a case and a worse one, and twins that ride: none faster, all compared rows as decide"
+    judge("laws_many", what, chair, cases="chairs", number=2_000)
