@@ -43,6 +43,7 @@ OWN_TESTS = {
     "stopping": ["test_stopping.py"],
     "rules": ["test_rules_*.py"],
     "wishes": ["test_wishes.py", "test_rules_07_*.py", "test_rules_08_latch.py"],
+    "reflex": ["test_reflex.py"],
     "memory": ["test_rules_06_near_loss.py"],
     "arbiter": ["test_arbiter_*.py", "test_rules_*.py", "test_reset_by_word.py"],
     "profile.proof": ["profile/test_proof.py"],

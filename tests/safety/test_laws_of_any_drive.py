@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from chairward.components import STILL
 from chairward.facts import MS, Decision, Facts, Pressed, SourceLimits, State, Wish
 from chairward.messages import Button, Command, Way
+from chairward.reflex import reflex
 from chairward.testing import laws
 from chairward.testing.ride import AHEAD_AND_SIDES, FRONT, PANEL, START_NS, VOICE, chair_limits, healthy, readings
 
@@ -62,7 +63,9 @@ class AnyDrive(RuleBasedStateMachine):
             facts = self.facts(**(now if nth == 0 else {}))
             heard = any(wish.command is not Command.STOP for wish in facts.heard)
             self.asked = self.asked or (heard and not self.state.latch)
+            stopped = reflex(self.state, facts, LIMITS)
             self.state, decision = laws.judge(self.state, facts, LIMITS)
+            assert decision.motion == STILL or not stopped, "what the reflex stops the decision moves"
             assert decision.motion == STILL or self.asked, "it moves though nobody has asked since the last stop"
             self.asked = self.asked and self.state.wish is not None
             self.armed = (self.armed or decision.arm) and not decision.disarm

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import selectors
+import time
 from collections.abc import Callable
 
 import msgspec
@@ -77,6 +78,16 @@ class DriveLine:
         if fault:
             self.status = msgspec.structs.replace(self.status, fault=fault[:200])
         self._follow()
+
+    def stop(self, now_ns: int) -> int:
+        """No motion, ahead of the decision that will say so. When it was told, ns; 0 where it stood already."""
+        if self.motion == STILL:
+            return 0
+        self._tell(lambda: self._drive.command(now_ns, STILL))
+        told_ns = time.monotonic_ns()
+        self.motion, self.hard = STILL, False
+        self._follow()
+        return told_ns
 
     def command(self, now_ns: int, motion: Motion, decision: Decision, *, hard: bool, periodic: bool) -> None:
         """Every tick, and at once when the motion falls; a rise waits for the tick."""

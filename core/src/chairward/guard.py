@@ -1,9 +1,10 @@
 """The guard: the one process that owns the arbiter and the drive. It ticks for ever and always emits.
 
 Its tick is the drive's period. A message that may take something away is decided upon at once, so a stop does not wait
-for the tick; a message that only says that all is well waits for it, and so delays no stop. Each lane has a budget of
-messages a tick: who spends it is not listened to until the next tick, and so goes stale. When the supervisor's end
-closes, the guard stops the chair and leaves; when the guard dies, the controller's own watchdog stops the chair.
+for the tick; what leaves only one answer is answered by `reflex` even before. A message that only says that all is well
+waits for the tick, and so delays no stop. Each lane has a budget of messages a tick: who spends it is not listened to
+until the next tick, and so goes stale. When the supervisor's end closes, the guard stops the chair and leaves; when the
+guard dies, the controller's own watchdog stops the chair.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from chairward.plan import Plan
 from chairward.plugins import discover_only
 from chairward.realtime import claim, suspended_ns
 from chairward.records import Record
+from chairward.reflex import reflex
 
 MESSAGES_A_TICK = 8
 LEAVE_WITHIN_NS = 2 * S
@@ -198,24 +200,35 @@ class Guard:
             self.border.lane_lost("supervisor", self.leaving_because)
         facts = self.border.facts(now, self.drive.status, self.supervisor_ns, gap_ns)
         before = self.state
+        stopped_ns = self.drive.stop(now) if reflex(before, facts, self.limits) else 0
         after, decision = arbiter.decide(before, facts, self.limits)
         motion, hard = decision.motion, decision.hard_stop
         if time.monotonic_ns() - now > self.limits.gap_limit_ns:
             motion, hard = STILL, True  # stopped between deciding and writing; the next decision latches the gap
         self.drive.command(now, motion, decision, hard=hard, periodic=periodic)
+        wrote_ns = stopped_ns or time.monotonic_ns()
         self.state = after
-        self._publish(now, due, before, facts, after, decision, periodic=periodic)
+        self._publish(now, due, wrote_ns, before, facts, after, decision, periodic=periodic)
         self.tick += 1
 
     def _publish(
-        self, now: int, due: int, before: State, facts: Facts, after: State, decision: Decision, *, periodic: bool
+        self,
+        now: int,
+        due: int,
+        wrote_ns: int,
+        before: State,
+        facts: Facts,
+        after: State,
+        decision: Decision,
+        *,
+        periodic: bool,
     ) -> None:
         """The whole cause of this decision, to everybody who looks on."""
         record = Record(
             tick=self.tick,
             due_ns=due,
             woke_ns=now,
-            wrote_ns=time.monotonic_ns(),
+            wrote_ns=wrote_ns,
             periodic=periodic,
             before=before,
             facts=facts,

@@ -88,8 +88,7 @@ def test_a_reading_at_the_stop_distance_stops_the_drive_before_its_reasons_are_w
     told_by_then: list[tuple[str, Motion, bool]] = []
 
     def decide(state: State, facts: Facts, limits: Limits) -> tuple[State, Decision]:
-        newest = facts.ranges.get("front/eyes", ())
-        if newest and newest[-1].ahead_mm == 100:
+        if any(reading.ahead_mm == 100 for reading in facts.ranges.get("front/eyes", ())):
             told_by_then.append(r.drive.told[-1])
         return decides(state, facts, limits)
 

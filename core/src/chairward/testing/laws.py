@@ -10,6 +10,7 @@ from chairward.arbiter import decide
 from chairward.components import STILL, Motion
 from chairward.facts import MS, Decision, Facts, Limits, Pressed, S, State
 from chairward.messages import Button, Command, Way
+from chairward.reflex import reflex
 from chairward.testing import cases
 from chairward.testing.ride import PANEL, START_NS
 
@@ -129,6 +130,7 @@ def judge(before: State, facts: Facts, limits: Limits) -> tuple[State, Decision]
     stop_wins(facts, after, decision)
     within_what_the_chair_file_allows(facts, limits, decision)
     rises_slowly(before, facts, limits, decision)
+    must(not reflex(before, facts, limits) or not decision.motion.drive_mm_s, "it drives on after the reflex", before)
     must(not decision.arm or decision.motion == STILL, "arming moved the chair", before, facts, decision)
     must(after.output == decision.motion, "the state forgets what was commanded", after, decision)
     must(bool(after.latch) <= (after.wish is None), "a latched chair keeps a wish", after)
