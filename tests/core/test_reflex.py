@@ -26,6 +26,8 @@ FORWARD, BACKWARD, TURNING = Motion(300.0, 0.0), Motion(-150.0, 0.0), Motion(0.0
         (BACKWARD, {"behind_mm": 600}, True),
         (BACKWARD, {"behind_mm": 601}, False),
         (BACKWARD, {"ahead_mm": 100}, False),
+        (Motion(0.5, 0.0), {"ahead_mm": 100}, True),
+        (Motion(-0.5, 0.0), {"behind_mm": 100}, True),
         (TURNING, {"ahead_mm": 100, "behind_mm": 100}, False),
         (STILL, {"ahead_mm": 100, "behind_mm": 100}, False),
     ],
