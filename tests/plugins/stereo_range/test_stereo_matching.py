@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from chairward_stereo_range.matching import BLOCK_METHODS, block_match, cost_volume, make_matcher
-from chairward_stereo_range.pyramid import bridged, mean_of_four
+from chairward_stereo_range.pyramid import bridged, islands, mean_of_four
 from chairward_stereo_range.texture import noise_sigma, periodic, textured
 
 HALF = 2
@@ -85,16 +85,27 @@ def test_mean_of_four_is_the_mean_of_what_is_known() -> None:
 
 
 def test_only_values_on_the_line_between_both_rims_bridge_a_gap() -> None:
-    trusted = np.full((3, 9), np.nan, np.float32)
-    trusted[:, 1], trusted[:, 7] = 4.0, 10.0
-    raw = np.tile(np.arange(3.0, 12.0, dtype=np.float32), (3, 1))
-    raw[1, 4] = 20.0
-    trusted[2, 7] = np.nan
-    got = bridged(raw, trusted, 0.5)
-    assert np.array_equal(got[0, 2:7], raw[0, 2:7])
-    assert np.isnan(got[1, 4])
-    assert np.isfinite(got[1, [2, 3, 5, 6]]).all()
-    assert np.isnan(got[2]).all()
+    trusted = np.zeros((4, 9), bool)
+    trusted[:, [1, 7]] = True
+    raw = np.tile(np.arange(3.0, 12.0, dtype=np.float32), (4, 1))
+    raw[1, 4], raw[3, 5] = 20.0, np.nan
+    trusted[2, 7] = False  # row 2 has no right rim: the next row's left one is not its own
+    on_line = np.zeros((4, 9), bool)
+    on_line[[0, 1, 3], 2:7] = True
+    on_line[1, 4] = on_line[3, 5] = False
+    assert np.array_equal(bridged(raw, trusted, 0.5), on_line)
+
+
+def test_islands_are_what_neighbours_hold_together_and_small_ones_are_left_out() -> None:
+    disparity = np.zeros((6, 8), np.float32)
+    disparity[:, 4:] = 10.0
+    known = np.ones((6, 8), bool)
+    known[:, 3] = known[4:, :4] = False
+    known[5, 0] = True
+    large = known.copy()
+    large[5, 0] = False
+    assert np.array_equal(islands(disparity, known, 4, 1.0), large)
+    assert np.array_equal(islands(disparity, known, 12, 1.0), known & (disparity > 0))
 
 
 def test_noise_is_measured_and_is_not_texture() -> None:

@@ -60,6 +60,8 @@ class DropWatch:
         floor, below: masks on the grid; disparity (NaN unknown) and the floor's there, px.
         """
         is_below = (((below & self._path).sum(axis=1) >= SHARE * self._count) & self._used)[::-1]
+        if not is_below.any():
+            return None
         is_floor = (((floor & self._path).sum(axis=1) >= 0.3 * self._count) & self._used)[::-1]
         is_plain = (((np.isfinite(disparity) & self._path).sum(axis=1) <= PLAIN_SHARE * self._count) & self._used)[::-1]
         last = is_below.size - 1

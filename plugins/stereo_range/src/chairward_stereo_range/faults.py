@@ -98,8 +98,7 @@ def corner_shifts(left: Image, right: Image) -> Floats:
 
 
 def _exposure(left: Image, right: Image) -> str:
-    levels = [float(p.mean()) for p in (left, right)]
-    spreads = [float(p.std()) for p in (left, right)]
+    levels, spreads = zip(*(_mean_std(p) for p in (left, right)), strict=True)
     for name, level, spread in zip(("left", "right"), levels, spreads, strict=True):
         if level < DARK_LEVEL:
             return f"the {name} camera sees only darkness (covered, or no light)"
@@ -110,6 +109,11 @@ def _exposure(left: Image, right: Image) -> str:
     if max(levels) > EXPOSURE_RATIO * min(levels):
         return f"the {('left', 'right')[levels.index(min(levels))]} camera's picture is much darker than the other's"
     return ""
+
+
+def _mean_std(grey: Image) -> tuple[float, float]:
+    mean, std = opencv().meanStdDev(grey)
+    return float(mean[0, 0]), float(std[0, 0])
 
 
 def _skew(skew_ns: int) -> str:

@@ -18,10 +18,10 @@ from chairward_stereo_range.floor import FloorFit, fit_floor, split
 from chairward_stereo_range.geometry import THESIS_HEIGHT, View, disparity_range
 from chairward_stereo_range.honesty import hidden_distance_mm, out_of_match, repeats
 from chairward_stereo_range.leaving import inner_edge_mm
-from chairward_stereo_range.matching import Method, make_matcher
-from chairward_stereo_range.nearest import NEAR_SIDE, QUANTILE, nearest
+from chairward_stereo_range.matching import Method, make_matcher, where_known
+from chairward_stereo_range.nearest import NEAR_SIDE, QUANTILE, nearest, order_statistic
 from chairward_stereo_range.opencv import opencv
-from chairward_stereo_range.pyramid import Match, Pyramid, half_size, mean_of_four, without_specks
+from chairward_stereo_range.pyramid import Match, Pyramid, half_size, islands, mean_of_four
 from chairward_stereo_range.region import Bools, Region, RegionKind
 from chairward_stereo_range.texture import noise_sigma, textured
 
@@ -150,8 +150,8 @@ class RangeFinder:
         """Another matcher alone, with the texture gate and speckle filter that all of them profit from."""
         found = self._matcher(left, right)
         sigma = noise_sigma(left)
-        found[~textured(left, sigma)] = np.nan
-        found = without_specks(found, int(40 * self.scale**2), 1.5)
+        trusted = np.isfinite(found) & textured(left, sigma)
+        found = where_known(found, islands(found, trusted, int(40 * self.scale**2), 1.5))
         small, fused = half_size(left), mean_of_four(found)
         texture = textured(small, noise_sigma(small))
         return Match(fused, texture, np.isfinite(fused), found, sigma, small, half_size(right))
@@ -170,9 +170,7 @@ class RangeFinder:
             floor, above, below = np.zeros_like(known), known, np.zeros_like(known)
         full = np.where(known, d + np.float32(v.geometry.doffs_px), np.float32(1e-3))
         depth = (v.fb / np.maximum(full, 1e-3)).astype(np.float32)
-        above = above & (depth < o.farthest_mm)
-        whole = without_specks(np.where(above, d, np.nan).astype(np.float32), round(SPECKS * self.scale**2), 2.0)
-        above &= np.isfinite(whole)
+        above = islands(d, above & (depth < o.farthest_mm), round(SPECKS * self.scale**2), 2.0)
         inside = above & self.region.contains(depth)
         ahead = self._spot(full, inside, match.sharp, around=above & _around(inside, self.scale))
         region = self.region.grid_mask
@@ -181,8 +179,11 @@ class RangeFinder:
         low_enough = above & self.region.passable(depth)
         left = self._spot(full, low_enough, match.sharp, slice(0, third))
         right = self._spot(full, low_enough, match.sharp, slice(d.shape[1] - third, d.shape[1]))
-        sides_seen = tuple(bool(k.mean() >= SIDE_COVERAGE) for k in (known[:, :third], known[:, d.shape[1] - third :]))
-        coverage = float((known & region).sum()) / max(1, int(region.sum()))
+        enough = SIDE_COVERAGE * third * d.shape[0]
+        sides_seen = tuple(
+            bool(np.count_nonzero(k) >= enough) for k in (known[:, :third], known[:, d.shape[1] - third :])
+        )
+        coverage = float(np.count_nonzero(known & region)) / max(1, np.count_nonzero(region))
         hidden = hidden_distance_mm(match, full, above, self.region, v, self.scale)
         reason, unstopped = "", ahead is None or ahead.depth_mm > o.stop_mm
         if coverage < o.min_coverage:
@@ -218,9 +219,11 @@ class RangeFinder:
         return out
 
     def _whole_mask(self, grid: Bools) -> Bools:
-        out = np.zeros(self.view.forward.shape, bool)
-        out[self.top : self.bottom, : 2 * grid.shape[1]] = np.repeat(np.repeat(grid, 2, axis=0), 2, axis=1)
-        return out
+        cv2 = opencv()
+        out = np.zeros(self.view.forward.shape, np.uint8)
+        size = (2 * grid.shape[1], 2 * grid.shape[0])
+        out[self.top : self.bottom, : size[0]] = cv2.resize(grid.view(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+        return out.view(np.bool_)
 
     def _spot(
         self, full: Floats, candidates: Bools, sharp: Bools, side: slice | None = None, around: Bools | None = None
@@ -239,7 +242,7 @@ class RangeFinder:
         height = v.pose.z_mm + v.fb * found.depth * v.up[rows, columns]
         top, low = (float(height.max()), float(height.min())) if v.floor_known else (float("inf"), 0.0)
         inner = inner_edge_mm(v.pose.y_mm + v.fb * found.depth * v.left[rows, columns])
-        at = int(np.median(rows)), int(np.median(columns))
+        at = int(order_statistic(rows, 0.5)), int(order_statistic(columns, 0.5))
         return Spot(v.fb * found.depth, ahead, *at, found.pixels, top, inner, low)
 
     def _drop_spot(self, distance_mm: float, grid_row: int) -> Spot:

@@ -57,9 +57,10 @@ def fit_floor(disparity: Floats, nominal: Floats, scale: float) -> FloorFit:
     width = 0.25 * scale
     for _ in range(4):
         weight = 1.0 / (1.0 + ((residual - offset - slope * x) / width) ** 2)
-        total = float(weight.sum())
-        offset = float((weight * (residual - slope * x)).sum()) / total
-        slope = float((weight * (residual - offset) * x).sum()) / (float((weight * x * x).sum()) + 1e-6 * spread)
+        leaning = weight * x
+        first = float(leaning.sum())
+        offset = (float(weight @ residual) - slope * first) / float(weight.sum())
+        slope = (float(leaning @ residual) - offset * first) / (float(leaning @ x) + 1e-6 * spread)
     return FloorFit(
         offset=float(np.clip(offset, -OFFSET_LIMIT * scale, OFFSET_LIMIT * scale)),
         slope=float(np.clip(slope, -SLOPE_LIMIT, SLOPE_LIMIT)),

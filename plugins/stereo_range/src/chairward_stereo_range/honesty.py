@@ -13,7 +13,7 @@ import numpy.typing as npt
 from chairward.stages import Floats
 from chairward_stereo_range.geometry import View
 from chairward_stereo_range.opencv import opencv
-from chairward_stereo_range.pyramid import Match, gap_ends, without_specks
+from chairward_stereo_range.pyramid import Match, gap_ends, islands
 from chairward_stereo_range.region import Region
 from chairward_stereo_range.texture import periodic
 
@@ -55,9 +55,7 @@ def hidden_distance_mm(
     plain8 = cv2.morphologyEx(plain.astype(np.uint8), cv2.MORPH_OPEN, np.ones((side, side), np.uint8))
     count, labels, stats, _ = cv2.connectedComponentsWithStats(plain8)
     least = np.inf
-    trusted = above & match.textured & np.isfinite(match.fused)
-    islands = without_specks(np.where(trusted, full, np.nan).astype(np.float32), round(RIM_ISLAND * scale**2), scale)
-    trusted &= np.isfinite(islands)
+    trusted = islands(full, above & ~unmatched, round(RIM_ISLAND * scale**2), scale)
     for i in range(1, count):
         x, y, w, h, area = (int(v) for v in stats[i])
         if area < MIN_PATCH * scale * scale:
@@ -128,8 +126,10 @@ def repeats(
     if k > 1:  # a pattern that could be mistaken is as large as at 240 rows
         low, unsure = (m[: m.shape[0] // k * k : k, : m.shape[1] // k * k : k] for m in (low, unsure))
         small = np.asarray(opencv().resize(small, low.shape[::-1], interpolation=opencv().INTER_AREA), np.uint8)
-    found = periodic(small, count // 2 // max(1, k), match.sigma)
-    return bool((found & unsure).sum() > REPEATING_SHARE * max(1, int(low.sum())))
+    many = REPEATING_SHARE * max(1, np.count_nonzero(low))
+    if np.count_nonzero(unsure) <= many:
+        return False
+    return bool(np.count_nonzero(periodic(small, count // 2 // max(1, k), match.sigma) & unsure) > many)
 
 
 def _fits(match: Match, disparity: Floats) -> npt.NDArray[np.bool_]:

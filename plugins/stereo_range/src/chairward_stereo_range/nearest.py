@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from chairward.stages import Floats
 from chairward_stereo_range.opencv import opencv
-from chairward_stereo_range.pyramid import without_specks
+from chairward_stereo_range.pyramid import islands
 
 BIN_PX = 0.5
 WINDOW = 5
@@ -92,9 +93,9 @@ def nearest(
     thing = around & (disparity >= centre[i] - slack) & (disparity <= relief * centre[i] + slack)
     box = _box(thing | member)
     disparity, member, sharp, forward = disparity[box], member[box], sharp[box], forward[box]
-    whole = without_specks(np.where(thing[box], disparity, np.nan).astype(np.float32), int(need), 1.0 * scale)
-    if np.isfinite(whole[member]).any():
-        member = member & np.isfinite(whole)
+    whole = islands(disparity, thing[box], int(need), scale)
+    if (whole & member).any():
+        member = member & whole
     if int((member & sharp).sum()) >= min(need, int(member.sum())) / 2:
         member = member & sharp
     smooth = _smoothed(disparity, member)
@@ -125,15 +126,19 @@ def _measured(
     rows, cols = np.nonzero(member)
     ray = forward[rows, cols]
     inverse = disparity[rows, cols] / ray
-    flat = flat_px > 0 and quantile < NEAR_SIDE and _quantile(inverse, 0.84) - _quantile(inverse, 0.16) <= flat_px
-    chosen = _quantile(inverse, 0.5 if flat else quantile)
-    depth = 1.0 / (chosen * _quantile(ray, NEAR_RAY))
+    flat = (
+        flat_px > 0
+        and quantile < NEAR_SIDE
+        and order_statistic(inverse, 0.84) - order_statistic(inverse, 0.16) <= flat_px
+    )
+    chosen = order_statistic(inverse, 0.5 if flat else quantile)
+    depth = 1.0 / (chosen * order_statistic(ray, NEAR_RAY))
     at = np.nonzero(inverse >= chosen)[0]
     return Nearest(1.0 / chosen, depth, 4 * rows.size, rows[at], cols[at])
 
 
-def _quantile(values: Floats, q: float) -> float:
-    """The order statistic: ten times faster than numpy's interpolated one."""
+def order_statistic(values: npt.NDArray[Any], q: float) -> float:
+    """The value below which the part q lies: ten times faster than numpy's interpolated quantile."""
     at = int(q * (values.size - 1))
     return float(np.partition(values, at)[at])
 

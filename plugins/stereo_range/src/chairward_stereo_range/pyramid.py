@@ -16,9 +16,11 @@ import numpy as np
 import numpy.typing as npt
 
 from chairward.stages import Floats, Image
-from chairward_stereo_range.matching import Matcher, block_matcher, semi_global_matcher
+from chairward_stereo_range.matching import Matcher, block_matcher, semi_global_matcher, where_known
 from chairward_stereo_range.opencv import opencv
 from chairward_stereo_range.texture import noise_sigma, textured
+
+Bools = npt.NDArray[np.bool_]
 
 AGREE_PX = 2.5
 """At 240 rows: how far the block match may lie from the proposal that it confirms."""
@@ -39,8 +41,8 @@ class Match:
     """
 
     fused: Floats
-    textured: npt.NDArray[np.bool_]
-    sharp: npt.NDArray[np.bool_]
+    textured: Bools
+    sharp: Bools
     precise: Floats
     sigma: float
     small: Image
@@ -66,21 +68,18 @@ class Pyramid:
         raw = self._proposed(small_left, small_right)
         sigma = noise_sigma(small_left)
         texture = textured(small_left, sigma)
-        proposal = without_specks(np.where(texture, raw, np.nan), round(SPECK_PIXELS * self._scale**2), 1.0)
-        fused = np.where(np.isfinite(proposal), proposal, bridged(raw, proposal, BRIDGE_PX / 2)) * np.float32(2.0)
+        proposed = islands(raw, texture & np.isfinite(raw), round(SPECK_PIXELS * self._scale**2), 1.0)
+        fused = where_known(raw * np.float32(2.0), proposed | bridged(raw, proposed, BRIDGE_PX / 2))
         top, end = self._rows
-        blocks = self._fine[self._needed(proposal)](left[top:end], right[top:end])
+        blocks = self._fine[self._needed(raw[proposed])](left[top:end], right[top:end])
         around = np.repeat(np.repeat(fused[top // 2 : end // 2], 2, axis=0), 2, axis=1)
-        with np.errstate(invalid="ignore"):
-            blocks[~(np.abs(blocks - around) <= AGREE_PX * self._scale)] = np.nan
         precise = np.full(left.shape, np.nan, np.float32)
-        precise[top:end] = blocks
-        confirmed = mean_of_four(blocks)
-        part = fused[top // 2 : end // 2]
-        fused[top // 2 : end // 2] = np.where(np.isfinite(confirmed), confirmed, part)
+        precise[top:end] = where_known(blocks, np.abs(blocks - around) <= AGREE_PX * self._scale)
         sharp = np.zeros(fused.shape, bool)
+        confirmed = mean_of_four(precise[top:end])
         sharp[top // 2 : end // 2] = np.isfinite(confirmed)
-        return Match(fused.astype(np.float32), texture, sharp, precise, sigma, small_left, small_right)
+        np.copyto(fused[top // 2 : end // 2], confirmed, where=np.isfinite(confirmed))
+        return Match(fused, texture, sharp, precise, sigma, small_left, small_right)
 
     def _proposed(self, left: Image, right: Image) -> Floats:
         """Semi-global matching of the half-size strips, px of theirs; of large pictures at half their size again."""
@@ -91,9 +90,8 @@ class Pyramid:
         size = (found.shape[1] * 2, found.shape[0] * 2)
         return np.asarray(cv2.resize(found, size, interpolation=cv2.INTER_NEAREST)[: left.shape[0], : left.shape[1]])
 
-    def _needed(self, proposal: Floats) -> int:
+    def _needed(self, known: Floats) -> int:
         """How many disparities the blocks must search to reach all that is proposed: most rooms are empty nearby."""
-        known = proposal[np.isfinite(proposal)]
         if known.size == 0:
             return 16
         reach = (
@@ -113,27 +111,30 @@ def mean_of_four(values: Floats) -> Floats:
     known = np.isfinite(values)
     size = (values.shape[1] // 2, values.shape[0] // 2)
     share = cv2.resize(known.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    total = cv2.resize(np.where(known, values, np.float32(0.0)), size, interpolation=cv2.INTER_AREA)
-    return np.where(share > 0, total / np.maximum(share, np.float32(0.25)), np.float32(np.nan)).astype(np.float32)
+    total = cv2.resize(cv2.patchNaNs(values.copy(), 0.0), size, interpolation=cv2.INTER_AREA)
+    return where_known(total / np.maximum(share, np.float32(0.25)), share > 0)
 
 
-def bridged(raw: Floats, trusted: Floats, tolerance: float) -> Floats:
-    """Raw values of untrusted pixels that lie on the straight line between the trusted ends of their row's gap."""
-    w = raw.shape[1]
-    known = np.isfinite(trusted)
-    before, after = gap_ends(known)
-    out = np.full(raw.shape, np.nan, np.float32)
-    rows, at = np.nonzero(~known & (before >= 0) & (after < w))
-    first, last = before[rows, at], after[rows, at]
-    start, end, value = trusted[rows, first], trusted[rows, last], raw[rows, at]
-    line = start + (end - start) * ((at - first) / (last - first)).astype(np.float32)
+def bridged(raw: Floats, trusted: Bools, tolerance: float) -> Bools:
+    """Which untrusted pixels lie on the straight line between the trusted ends of their row's gap; tolerance: px."""
+    width = raw.shape[1]
+    known = np.flatnonzero(trusted)
+    steps = np.diff(known)
+    gaps = np.flatnonzero((steps > 1) & (np.diff(known // width) == 0))
+    inner = steps[gaps] - 1
+    part = 1 + np.arange(inner.sum()) - np.repeat(np.cumsum(inner) - inner, inner)
+    at = np.repeat(known[gaps], inner) + part
+    value = raw.ravel()
+    start, end = value[known[gaps]], value[known[gaps + 1]]
+    slope = (part / np.repeat(steps[gaps], inner)).astype(np.float32)
     with np.errstate(invalid="ignore"):
-        fits = np.abs(value - line) <= tolerance
-    out[rows[fits], at[fits]] = value[fits]
-    return out
+        fits = np.abs(value[at] - (np.repeat(start, inner) + np.repeat(end - start, inner) * slope)) <= tolerance
+    out = np.zeros(raw.size, bool)
+    out[at[fits]] = True
+    return out.reshape(raw.shape)
 
 
-def gap_ends(known: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+def gap_ends(known: Bools) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
     """(columns of the last known pixel on the left or -1, of the first on the right or the width) of every pixel."""
     w = known.shape[1]
     columns = np.arange(w, dtype=np.int32)
@@ -142,8 +143,8 @@ def gap_ends(known: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.int32], npt.N
     return before, after
 
 
-def without_specks(disparity: Floats, max_pixels: int, jump_px: float) -> Floats:
-    """The disparity map without islands of up to max_pixels pixels (islands: neighbours differ by at most jump_px)."""
-    fixed = np.where(np.isfinite(disparity), disparity * 16.0, -32768.0).astype(np.int16)
+def islands(disparity: Floats, known: Bools, max_pixels: int, jump_px: float) -> Bools:
+    """Which known pixels belong to islands of more than max_pixels (islands: neighbours differ by at most jump_px)."""
+    fixed = np.where(known, disparity * np.float32(16.0), np.float32(-32768.0)).astype(np.int16)
     opencv().filterSpeckles(fixed, -32768, max_pixels, int(jump_px * 16))
-    return np.where(fixed > -32768, disparity, np.nan).astype(np.float32)
+    return np.asarray(fixed > -32768)
