@@ -18,7 +18,7 @@ sys.path[:0] = [str(ROOT / "tests" / "safety"), str(ROOT / "tests" / "safety" / 
 
 from rig import CHAIR, MS, Rig, chairward_run, controller, load, off_since, outside, running  # noqa: E402
 
-from chairward import supervisor  # noqa: E402
+from chairward import processes  # noqa: E402
 from chairward.components import STILL, Motion  # noqa: E402
 from chairward_drive_pic_serial.engine import Engine, ModelEngine  # noqa: E402
 from chairward_drive_pic_serial.gpsim import Gpsim  # noqa: E402
@@ -94,7 +94,7 @@ def off(pins: Path, fault: Callable[[], object]) -> float:
 @contextlib.contextmanager
 def chair(folder: Path, text: str = CHAIR, *, pins: Path | None = None, drive: str = "pic_serial") -> Iterator[Rig]:
     """A driving chair whose people press and speak all the time and whose lanes come back at once."""
-    supervisor.BACK_OFF_S = (0.02,)
+    processes.BACK_OFF_S = (0.02,)
     plan = load(folder, text + EAGER, drive=drive)
     with running(plan, folder / "run", pins=pins, looks_at_pins=drive == "pic_serial") as rig:
         yield rig

@@ -32,7 +32,7 @@ RESULTS = ROOT / "benchmarks" / "results" / "guard.json"
 
 from rig import CHAIR, Rig, load, running  # noqa: E402
 
-from chairward import supervisor  # noqa: E402
+from chairward import processes  # noqa: E402
 from chairward.durations import percentiles_ms  # noqa: E402
 from chairward.records import Record  # noqa: E402
 
@@ -129,7 +129,7 @@ def zoo(folder: Path, options: argparse.Namespace) -> Iterator[Row]:
     """Beside each animal in turn."""
     import chairward_zoo  # type: ignore[import-not-found]
 
-    supervisor.BACK_OFF_S = (0.02,)
+    processes.BACK_OFF_S = (0.02,)
     with running(load(folder), folder / "run", until_driving=False) as rig:
         for how in sorted(chairward_zoo.WAYS_TO_FAIL):
             rig.wait(lambda: sees(rig), "a sensor that sees", 120.0)

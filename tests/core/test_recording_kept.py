@@ -165,6 +165,16 @@ def test_a_long_run_is_kept_in_parts_and_the_oldest_go(tmp_path: Path) -> None:
     assert [r.tick for r in read(last)][-1] == 599
 
 
+def test_a_recorder_that_is_started_again_in_a_run_goes_on_with_the_next_part(tmp_path: Path) -> None:
+    made = a_drive(6)
+    for some in (made[:3], made[3:]):
+        it = recorder(tmp_path)
+        for record in some:
+            it.observe(records.encode(record))
+        it.close()
+    assert [[r.tick for r in read(tmp_path / name)] for name in ("r.mcap", "r.2.mcap")] == [[0, 1, 2], [3, 4, 5]]
+
+
 def test_a_disk_that_takes_nothing_is_told_and_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(write, "TRY_AGAIN_S", 0.0)
     (tmp_path / "r.mcap").symlink_to("/dev/full")

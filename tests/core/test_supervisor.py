@@ -1,26 +1,30 @@
-"""How the supervisor watches lanes: who dies, hangs or floods is ended with its children, named, and started again
-after a pause that grows. (Whole chairs: tests/safety.)"""
+"""How the supervisor watches lanes and observers: who dies, hangs or floods is ended with its children, named, and
+started again after a pause that grows. (Whole chairs: tests/safety.)"""
 
 from __future__ import annotations
 
 import dataclasses
 import os
+import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
-from chairward import plan, wire
-from chairward.components import Footprint
-from chairward.facts import Limits
+from chairward import plan, records, wire
+from chairward.companions import plan_file
 from chairward.lane_process import BEATS_AT_ONCE, FLOOD_A_SECOND, HANG_S, NOTES_A_PROCESS, START_S, LaneProcess
-from chairward.plan import ChairKind, LanePlan, Part, Plan
-from chairward.supervisor import BACK_OFF_S, FORGIVEN_S, Supervisor
+from chairward.plan import LanePlan, Part
+from chairward.processes import BACK_OFF_S, FORGIVEN_S
+from chairward.supervisor import Supervisor
+from chairward.testing.observer_contract import ride
+from chairward.testing.ride import chair_plan
 
 LANE = LanePlan(name="front", source=Part(component="nobody"))
 WORKS = "import time; time.sleep(60)"
@@ -34,26 +38,13 @@ class Watched:
         ours, self.its_end = wire.pair()
         control, self.guards_end = wire.pair()
         self.supervisor = Supervisor(
-            Plan(
-                chair="t",
-                chair_file="/t.toml",
-                kind=ChairKind.SIMULATOR,
-                person="p",
-                person_file="/p.toml",
-                person_dir="/p",
-                language="en",
-                words={},
-                footprint=Footprint(front_mm=1, rear_mm=1, half_width_mm=1),
-                limits=Limits(),
-                drive=Part(component="none"),
-                lanes=(LANE,),
-            ),
+            chair_plan(lanes=(LANE,)),
             run_dir,
             lambda record: None,
         )
         self.supervisor._control = control
         self.process = process
-        self.lane = LaneProcess(LANE, process, ours)
+        self.lane = LaneProcess(process, LANE, ours)
         self.supervisor.lanes["front"] = self.lane
 
     def look(self, now: float | None = None) -> None:
@@ -92,6 +83,13 @@ def watched(run_dir: Path, code: str = WORKS) -> Iterator[Watched]:
             end.close()
 
 
+def wait_for(true: Callable[[], bool], what: str) -> None:
+    end = time.monotonic() + 30.0
+    while not true():
+        assert time.monotonic() < end, f"waited for {what}"
+        time.sleep(0.01)
+
+
 def test_a_lane_that_dies_again_and_again_is_started_after_longer_and_longer_pauses(tmp_path: Path) -> None:
     with watched(tmp_path, "raise SystemExit(3)") as it:
         it.process.wait(20.0)
@@ -112,7 +110,7 @@ def test_a_lane_that_dies_again_and_again_is_started_after_longer_and_longer_pau
 def test_it_is_not_started_before_the_pause_is_over_and_then_the_guard_gets_its_new_line(tmp_path: Path) -> None:
     with watched(tmp_path, "raise SystemExit(3)") as it:
         it.process.wait(20.0)
-        plan.write(it.supervisor.plan, it.supervisor._plan_file)
+        plan.write(it.supervisor.plan, plan_file(tmp_path))
         it.supervisor.rings = {"front": os.open("/dev/null", os.O_RDWR)}
         it.look(1_000.0)
         it.guard_hears()
@@ -227,3 +225,46 @@ def test_a_lane_that_gives_descriptors_to_the_supervisor_fills_no_table(tmp_path
             wire.send_control(it.its_end, wire.Beat(items=1, dropped=0), [it.its_end.fileno()])
         it.look()
         assert len(os.listdir("/proc/self/fd")) == before
+
+
+def calls_help(guards_end: socket.socket) -> None:
+    """What the guard says when help is called, to one observer."""
+    told = ride(1)[0]
+    guards_end.send(records.encode(replace(told, decision=replace(told.decision, help=True))))
+
+
+def test_an_observer_that_dies_again_and_again_is_named_and_after_each_pause_a_new_one_calls_for_help(
+    tmp_path: Path,
+) -> None:
+    with watched(tmp_path) as it:
+        called = tmp_path / "called"
+        settings = {"command": [sys.executable, "-c", "import sys; open(sys.argv[1], 'a').write('.')", str(called)]}
+        helper = Part(component="call_help", plugin="core", settings=settings)
+        plan.write(chair_plan(lanes=(LANE,), observers={"help": helper}), plan_file(tmp_path))
+        guards_end = it.supervisor._start_observer("help")
+        observer = it.supervisor.observers["help"]
+        for nth, pause_s in enumerate(BACK_OFF_S[:2], start=1):
+            it.supervisor._watch_observer("help", observer, observer.started_s)
+            assert len(it.supervisor.events) == nth - 1, "who lives is left alone"
+            calls_help(guards_end)
+            wait_for(lambda nth=nth: called.exists() and len(called.read_text()) == nth, "the program to be started")
+            died, now = observer.process, observer.started_s
+            died.kill()
+            died.wait(10.0)
+            it.supervisor._watch_observer("help", observer, now)
+            it.supervisor._watch_observer("help", observer, now + pause_s - 0.01)
+            assert observer.process is died, "not before the pause is over"
+            assert it.guard_hears() == []
+            it.supervisor._watch_observer("help", observer, now + pause_s)
+            assert observer.process is not died
+            assert it.supervisor.events[-1].startswith("observer 'help': its process was killed by SIGKILL: ")
+            assert it.supervisor.events[-1].endswith(f"starting it again in {pause_s:g} s")
+            guards_end.close()
+            received = wire.receive_control(it.guards_end)
+            assert received is not None
+            assert received[0] == wire.Observe()
+            guards_end = wire.adopt(received[1][0])
+        calls_help(guards_end)
+        wait_for(lambda: len(called.read_text()) == 3, "the newest process to call")
+        guards_end.close()
+        assert observer.process.wait(20.0) == 0, "the guard's end is closed: it has seen all"

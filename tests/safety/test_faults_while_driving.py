@@ -8,7 +8,11 @@ import time
 from pathlib import Path
 
 import pytest
-from rig import MS, Rig, alive, load, running
+from mcap.exceptions import McapError
+from rig import CHAIR, MS, Rig, alive, load, running
+
+from chairward.processes import LOG_BYTES
+from chairward.recording import read
 
 pytestmark = pytest.mark.processes
 LANE_LIMIT_NS = {"front": 200 * MS, "voice": 300 * MS, "panel": 300 * MS}
@@ -81,3 +85,25 @@ def test_the_processes_of_a_run_end_with_it(tmp_path: Path) -> None:
     assert rig.code == 0
     assert not any(alive(pid) for pid in pids)
     assert rig.duty() == 0.0
+
+
+def test_a_recorder_that_is_killed_is_started_again_and_what_lanes_say_is_bounded(tmp_path: Path) -> None:
+    recorder = '[observer.log]\ncomponent = "recorder"\nsettings = { path = "{run}/drive.mcap" }\n'
+    with running(load(tmp_path, CHAIR + recorder), tmp_path / "run") as rig:
+        first, second = rig.run_dir / "drive.mcap", rig.run_dir / "drive.2.mcap"
+        rig.wait(lambda: recorded(first) != [], "the recorder to write", 60.0)
+        with (rig.run_dir / "lane-front.log").open("ab") as log:
+            log.write(b"." * 2 * LOG_BYTES)
+        os.kill(rig.supervisor.observers["log"].process.pid, signal.SIGKILL)
+        rig.wait(lambda: recorded(second) != [], "a new one to write", 60.0)
+        rig.wait((rig.run_dir / "lane-front.old.log").exists, "the log to be cut", 30.0)
+        assert any("observer 'log'" in event and "killed by SIGKILL" in event for event in rig.supervisor.events)
+    assert recorded(first)[-1] < recorded(second)[0], "each decision is in one part"
+
+
+def recorded(part: Path) -> list[int]:
+    """The decisions in a file that is perhaps still written, by their number."""
+    try:
+        return [record.tick for record in read(part)]
+    except (FileNotFoundError, McapError):
+        return []  # nothing is in it yet

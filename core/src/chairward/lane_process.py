@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 import socket
-import subprocess
-import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from chairward import wire
 from chairward.plan import LanePlan
+from chairward.processes import Process, Restarted
 
 START_S = 90.0
 HANG_S = 5.0
@@ -22,20 +21,15 @@ NOTES_A_PROCESS = 3
 
 
 @dataclass(slots=True)
-class LaneProcess:
+class LaneProcess(Restarted):
     """One lane of a run, through all its processes."""
 
     plan: LanePlan
-    process: subprocess.Popen[bytes]
     control: socket.socket
-    started_s: float = field(default_factory=time.monotonic)
     beat_s: float = 0.0
     items: int = 0
     dropped: int = 0
     dropped_before: int = 0
-    deaths: int = 0
-    deaths_in_a_row: int = 0
-    restart_at_s: float = 0.0
     ended: bool = False
     lost: bool = False
     _said: int = 0
@@ -43,11 +37,11 @@ class LaneProcess:
     _notes: int = 0
     _last_note: str = ""
 
-    def started_again(self, process: subprocess.Popen[bytes], control: socket.socket) -> None:
+    def started_again(self, process: Process, control: socket.socket) -> None:
         """A new process, of which nothing is known yet."""
         self.control.close()
-        self.process, self.control = process, control
-        self.started_s, self.beat_s, self.restart_at_s, self.items = time.monotonic(), 0.0, 0.0, 0
+        self.runs_as(process)
+        self.control, self.beat_s, self.items = control, 0.0, 0
         self.dropped_before += self.dropped
         self.dropped = self._said = self._notes = 0
 

@@ -1,7 +1,8 @@
 """The supervisor: starts, watches and restarts the processes of a run, in an order that ends with a stop.
 
 Companions first, then the lanes and the observers, the guard last. A lane that dies or hangs is named to the guard
-and started again with back-off, in a process group of its own. When the guard ends, the run ends.
+and started again with back-off, in a process group of its own; so is an observer that dies. When the guard ends, the
+run ends.
 """
 
 from __future__ import annotations
@@ -18,14 +19,15 @@ from pathlib import Path
 
 import msgspec
 
-from chairward import companions, frames, next_run, plan, records, wire
+from chairward import companions, frames, next_run, plan, processes, records, wire
 from chairward.companions import RunError as RunError
 from chairward.components import STILL
 from chairward.lane_process import LaneProcess
-from chairward.options import BesideOptions, GuardOptions, LaneOptions
+from chairward.options import GuardOptions
 from chairward.plan import LanePlan, Plan
-from chairward.processes import how, kill_group, last_words, plain, spawn, terminate, wait_all
+from chairward.processes import Process, Restarted, plain
 from chairward.realtime import a_little_ahead
+from chairward.starting import RECORD_BUFFER_BYTES, start_lane, start_observer
 
 log = logging.getLogger(__name__)
 
@@ -34,10 +36,8 @@ GUARD_START_S = 30.0
 GUARD_HANG_S = 2.0
 COMPANIONS_OUTLIVE_S = 0.5
 GUARD_LEAVES_S = 5.0
-BACK_OFF_S = (0.2, 0.5, 1.0, 2.0, 5.0)
-FORGIVEN_S = 10.0
-"""A lane that has worked this long is started again at once when it dies the next time."""
-RECORD_BUFFER_BYTES = 4 * 1024 * 1024
+LOGS_S = 1.0
+"""So often the processes' logs are held against their bound."""
 
 
 @dataclass(slots=True)
@@ -48,25 +48,25 @@ class Supervisor:
     run_dir: Path
     on_record: Callable[[records.Record], None]
     lanes: dict[str, LaneProcess] = field(default_factory=dict)
-    companions: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
-    observers: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
+    companions: dict[str, Process] = field(default_factory=dict)
+    observers: dict[str, Restarted] = field(default_factory=dict)
     rings: dict[str, int] = field(default_factory=dict)
     events: list[str] = field(default_factory=list)
     up: wire.GuardIsUp | None = None
     ended_reason: str = ""
-    _guard: subprocess.Popen[bytes] | None = None
+    _guard: Process | None = None
     _control: socket.socket | None = None
     _records: socket.socket | None = None
     _stop: bool = False
     _record_s: float = 0.0
     _stands: bool = False
-    _told: set[str] = field(default_factory=set)
+    _logs_s: float = 0.0
 
     def run(self, for_s: float | None = None) -> int:
         """Start everything, supervise, end everything. Returns the guard's exit code. Raises RunError."""
-        plan.write(self.plan, self._plan_file)
+        plan.write(self.plan, companions.plan_file(self.run_dir))
         try:
-            self._start_companions()
+            companions.start(self.plan, self.run_dir, self.companions, lambda: self._stop)
             if not self._stop:
                 self._start_guard_and_lanes()
                 with a_little_ahead():  # the heartbeat must not wait for busy neighbours
@@ -82,9 +82,6 @@ class Supervisor:
 
     # ---- starting -------------------------------------------------------------------------------------------------
 
-    def _start_companions(self) -> None:
-        companions.start(self.plan, self.run_dir, self.companions, lambda: self._stop)
-
     def _start_guard_and_lanes(self) -> None:
         self.rings = {lane.name: frames.create() for lane in self.plan.lanes}
         guard_ends: dict[str, socket.socket] = {}
@@ -92,66 +89,37 @@ class Supervisor:
         for lane in self.plan.lanes:
             guard_ends[lane.name], records_end = self._start_lane(lane)
             outs += [records_end] if records_end is not None else []
-        for name in self.plan.observers:
-            ours, theirs = wire.pair(RECORD_BUFFER_BYTES)
-            rings = {lane: frames.read_only(fd) for lane, fd in self.rings.items()}
-            options = BesideOptions(str(self._plan_file), str(self.run_dir), "observer", name, theirs.fileno(), rings)
-            fds = [theirs.fileno(), *rings.values()]
-            self.observers[name] = spawn(self.run_dir, "chairward.beside", options, name, fds)
-            theirs.close()
-            for fd in rings.values():
-                os.close(fd)
-            outs.append(ours)
+        outs += [self._start_observer(name) for name in self.plan.observers]
         self._records, ours = wire.pair(RECORD_BUFFER_BYTES)
         outs.append(ours)
         self._control, control = wire.pair()
-        options_ = GuardOptions(
-            plan=str(self._plan_file),
+        options = GuardOptions(
+            plan=str(companions.plan_file(self.run_dir)),
             run_dir=str(self.run_dir),
             control=control.fileno(),
             lanes={name: end.fileno() for name, end in guard_ends.items()},
             observers=[end.fileno() for end in outs],
         )
         passed = [control, *guard_ends.values(), *outs]
-        self._guard = spawn(self.run_dir, "chairward.guard", options_, "guard", [end.fileno() for end in passed])
+        fds = [end.fileno() for end in passed]
+        self._guard = processes.spawn(self.run_dir, "chairward.guard", options, "guard", fds)
         for end in passed:
             end.close()  # or their end would never read as closed
 
     def _start_lane(self, lane: LanePlan) -> tuple[socket.socket, socket.socket | None]:
         """Start the lane's process; returns the guard's ends: of its line, and of its records if it observes."""
-        guard_end, lane_end = wire.pair()
-        ours, theirs = wire.pair()
-        passed = [lane_end, theirs]
-        records_end, rings = None, {}
-        if lane.observes:
-            records_end, lane_records = wire.pair(RECORD_BUFFER_BYTES)
-            passed.append(lane_records)
-            rings = {name: frames.read_only(fd) for name, fd in self.rings.items()}
-        options = LaneOptions(
-            plan=str(self._plan_file),
-            run_dir=str(self.run_dir),
-            lane=lane.name,
-            guard=lane_end.fileno(),
-            control=theirs.fileno(),
-            frames=self.rings[lane.name],
-            records=passed[-1].fileno() if lane.observes else -1,
-            rings=rings,
-        )
-        fds = [*(end.fileno() for end in passed), self.rings[lane.name], *rings.values()]
-        process = spawn(self.run_dir, "chairward.lane", options, f"lane-{lane.name}", fds)
-        for end in passed:
-            end.close()  # or their end would never read as closed
-        for fd in rings.values():
-            os.close(fd)
+        process, ours, guard_end, records_end = start_lane(lane, self.run_dir, self.rings)
         if (old := self.lanes.get(lane.name)) is not None:
             old.started_again(process, ours)
         else:
-            self.lanes[lane.name] = LaneProcess(lane, process, ours)
+            self.lanes[lane.name] = LaneProcess(process, lane, ours)
         return guard_end, records_end
 
-    @property
-    def _plan_file(self) -> Path:
-        return companions.plan_file(self.run_dir)
+    def _start_observer(self, name: str) -> socket.socket:
+        """Start the observer's process; returns the guard's end of its line."""
+        process, guard_end = start_observer(name, self.run_dir, self.rings)
+        self.observers.setdefault(name, Restarted(process)).runs_as(process)
+        return guard_end
 
     # ---- watching -------------------------------------------------------------------------------------------------
 
@@ -178,16 +146,18 @@ class Supervisor:
                 self._watch_lane(lane, now)
             for name, process in self.companions.items():
                 if process.poll() is not None:
-                    self.stop(f"companion '{name}' ended: {last_words(self.run_dir, name)}")
-            for name, process in self.observers.items():
-                if process.poll() is not None and name not in self._told:
-                    self._told.add(name)
-                    self._note(f"observer '{name}' {how(process.returncode)}: {last_words(self.run_dir, name)}")
+                    self.stop(f"companion '{name}' ended: {processes.last_words(self.run_dir, name)}")
+            for name, observer in self.observers.items():
+                self._watch_observer(name, observer, now)
+            if now - self._logs_s >= LOGS_S:
+                self._logs_s = now
+                for name in ("guard", *(f"lane-{lane}" for lane in self.lanes), *self.companions, *self.observers):
+                    processes.bound_log(self.run_dir, name)
             self._look_for_next()
             if now - self._record_s > GUARD_HANG_S:
                 self.stop(f"the guard has said nothing for {GUARD_HANG_S:.0f} s")
             if self._guard.poll() is not None:
-                self.stop(f"the guard ended: {last_words(self.run_dir, 'guard')}")
+                self.stop(f"the guard ended: {processes.last_words(self.run_dir, 'guard')}")
             if end_s is None and for_s is not None and all(x.items or x.deaths or x.lost for x in self.lanes.values()):
                 end_s = now + for_s
             if end_s is not None and now >= end_s:
@@ -246,28 +216,15 @@ class Supervisor:
         if lane.ended and lane.plan.ends_run:
             self.stop(f"the input of lane '{lane.plan.name}' has ended")
         if lane.restart_at_s:
-            if now >= lane.restart_at_s and lane.process.poll() is not None:
+            if lane.may_start(now):
                 self._restart(lane)
             return
         if lane.ended:
             return
-        code = lane.process.poll()
-        if code is not None:
-            if code == 0 and self._stop:
-                return
-            reason = f"its process {how(code)}: {last_words(self.run_dir, f'lane-{lane.plan.name}')}"
-        else:
-            reason = lane.trouble(now)
-        if not reason:
+        reason = processes.end_of(lane.process, self.run_dir, f"lane-{lane.plan.name}") or lane.trouble(now)
+        if not reason or (lane.process.returncode == 0 and self._stop):
             return
-        kill_group(lane.process)  # with what it may have started; reaped by a later poll, never waited for
-        if now - lane.started_s > FORGIVEN_S:
-            lane.deaths_in_a_row = 0
-        pause_s = BACK_OFF_S[min(lane.deaths_in_a_row, len(BACK_OFF_S) - 1)]
-        lane.deaths += 1
-        lane.deaths_in_a_row += 1
-        lane.restart_at_s = now + pause_s
-        self._note(f"lane '{lane.plan.name}': {reason}; starting it again in {pause_s:g} s")
+        self._end_and_start_again(f"lane '{lane.plan.name}'", lane, reason, now)
         assert self._control is not None
         wire.send_control(self._control, wire.Died(lane.plan.name, reason[:500]))
 
@@ -275,11 +232,26 @@ class Supervisor:
         assert self._control is not None
         guard_end, records_end = self._start_lane(lane.plan)
         if not wire.send_control(self._control, wire.Attach(lane.plan.name), [guard_end.fileno()]):
-            kill_group(lane.process)  # the guard does not know it: try again
+            processes.kill_group(lane.process)  # the guard does not know it: try again
         guard_end.close()
         if records_end is not None:
             wire.send_control(self._control, wire.Observe(), [records_end.fileno()])
             records_end.close()
+
+    def _watch_observer(self, name: str, observer: Restarted, now: float) -> None:
+        """When it is dead: name it, and start it again after a pause; what is decided meanwhile it does not get."""
+        assert self._control is not None
+        if observer.restart_at_s:
+            if observer.may_start(now):
+                guard_end = self._start_observer(name)
+                wire.send_control(self._control, wire.Observe(), [guard_end.fileno()])
+                guard_end.close()  # if it was not sent, its line is closed now: it ends, and is started again
+        elif reason := processes.end_of(observer.process, self.run_dir, name):
+            self._end_and_start_again(f"observer '{name}'", observer, reason, now)
+
+    def _end_and_start_again(self, who: str, process: Restarted, reason: str, now: float) -> None:
+        pause_s = process.end(now)
+        self._note(f"{who}: {reason}; starting it again in {pause_s:g} s")
 
     def _note(self, text: str) -> None:
         self.events.append(plain(text))
@@ -291,14 +263,14 @@ class Supervisor:
         """The chair first, then lanes, then companions; whoever does not leave in time is killed by its group."""
         code = self._end_guard()
         for lane in self.lanes.values():
-            terminate(lane.process)
-        wait_all({f"lane '{n}'": x.process for n, x in self.lanes.items()}, 2.0, self._note)
+            processes.terminate(lane.process)
+        processes.wait_all({f"lane '{n}'": x.process for n, x in self.lanes.items()}, 2.0, self._note)
         if self.companions:
             time.sleep(COMPANIONS_OUTLIVE_S)  # a simulated controller must see the silence, as a real one would
         for process in self.companions.values():
-            terminate(process)
-        wait_all({f"companion '{n}'": p for n, p in self.companions.items()}, 5.0, self._note)
-        wait_all({f"observer '{n}'": p for n, p in self.observers.items()}, 5.0, self._note)
+            processes.terminate(process)
+        processes.wait_all({f"companion '{n}'": p for n, p in self.companions.items()}, 5.0, self._note)
+        processes.wait_all({f"observer '{n}'": x.process for n, x in self.observers.items()}, 5.0, self._note)
         for lane in self.lanes.values():
             lane.control.close()
         for fd in self.rings.values():

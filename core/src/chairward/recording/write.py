@@ -126,7 +126,8 @@ class Recorder:
         self._lock = threading.Lock()
         self._over = threading.Event()
         self._part: Part | None = None
-        self._parts = 0
+        self._begun = context.run_dir / f"{context.lane}.parts"
+        self._parts = self._begun.stat().st_size if self._begun.exists() else 0
         try:
             self._next_part(self._offset_ns + time.monotonic_ns())
         except OSError as error:
@@ -173,6 +174,8 @@ class Recorder:
         if shutil.disk_usage(self._path.parent).free < LEAVE_FREE_BYTES:
             raise OSError(f"less than {LEAVE_FREE_BYTES // MB} MB are free in {self._path.parent}")
         self._parts += 1
+        with self._begun.open("ab") as begun:  # a byte a part: a recorder that is started again writes over none
+            begun.write(b".")
         self._part = Part(part_path(self._path, self._parts), self._plan, at)
         if (old := self._parts - self._settings.parts) > 0:
             part_path(self._path, old).unlink(missing_ok=True)
