@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from chairward.talk_switch import TalkListener, TalkSwitch
 from chairward_voice_dtw import drift
 from chairward_voice_dtw.gate import Gate
 from chairward_voice_dtw.level import LevelMeter
-from chairward_voice_dtw.settings import OPEN_THRESHOLD, VoiceSettings
+from chairward_voice_dtw.settings import ARMED_THRESHOLD, OPEN_THRESHOLD, VoiceSettings
 from chairward_voice_dtw.store import WordStore
 
 S = 1_000_000_000
@@ -26,12 +27,24 @@ def test_always_means_always() -> None:
     assert gate("always").lets_pass(0, S)
 
 
-def test_an_open_microphone_is_unfit_for_a_chair_with_a_person_in_it() -> None:
-    unfit = VoiceSettings(listening="always").unfit_to_ride()
+def test_an_open_microphone_is_unfit_for_a_chair_with_a_person_in_it_unless_much_is_asked_of_a_word() -> None:
+    unfit = VoiceSettings(listening="always", threshold=OPEN_THRESHOLD - 0.1).unfit_to_ride()
     assert unfit is not None
     assert unfit[0] == "listening"
-    for fit in ({"listening": "armed"}, {"listening": "push_to_talk"}, {"threshold": OPEN_THRESHOLD}):
+    for fit in ({}, {"listening": "armed"}, {"listening": "push_to_talk", "threshold": 0.0}, {"threshold": 4.0}):
         assert VoiceSettings.model_validate(fit).unfit_to_ride() is None
+
+
+def test_each_mode_of_listening_has_its_own_threshold_unless_one_is_stated() -> None:
+    usual = {"always": OPEN_THRESHOLD, "armed": ARMED_THRESHOLD, "push_to_talk": ARMED_THRESHOLD}
+    for listening, threshold in usual.items():
+        assert VoiceSettings.model_validate({"listening": listening}).threshold == threshold
+        stated = VoiceSettings.model_validate({"listening": listening, "threshold": 0.5})
+        assert stated.threshold == 0.5
+        assert VoiceSettings.model_validate(stated.model_dump()) == stated
+    assert VoiceSettings().threshold == OPEN_THRESHOLD
+    with pytest.raises(ValidationError, match="listening"):
+        VoiceSettings.model_validate({"listening": []})
 
 
 def test_armed_opens_after_the_wake_word_or_a_press_and_closes_again() -> None:

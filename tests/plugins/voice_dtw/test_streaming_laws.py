@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chairward_voice_dtw.audio import RATE_HZ, Resampler, SoundError
-from chairward_voice_dtw.engine import DtwEngine, Engine, Heard, Thresholds, Voice
+from chairward_voice_dtw.engine import SAME_SOUND_S, Acceptance, DtwEngine, Engine, Heard, Thresholds, Voice
 from chairward_voice_dtw.frontend import MelStream
 from chairward_voice_dtw.segmenter import LISTENERS
 from chairward_voice_dtw.stage import EngineMaker
@@ -56,6 +57,28 @@ def test_another_future_changes_nothing_in_the_past(maker: EngineMaker, sentence
     one = [h for h in run(maker.make(16_000), sound, 160) if h.decided_s <= cut_s]
     two = [h for h in run(maker.make(16_000), other, 160) if h.decided_s <= cut_s]
     assert one == two
+
+
+def test_what_other_thresholds_accept_can_be_told_from_what_was_heard(word_folder: Path, sentence_of) -> None:  # type: ignore[no-untyped-def]
+    voice, sound = Voice(from_files(files_of_folder(word_folder))), sentence_of([*WORDS, "left", "right"])
+    heard = run(DtwEngine(voice, Thresholds(word=-5.0, stop_words=frozenset({"stop"})), 16_000), sound, 1600)
+    tight = Thresholds(word=float(np.median([h.score for h in heard if h.accepted])), stop_words=frozenset({"stop"}))
+    acceptance = Acceptance(tight)
+    again = [acceptance.of(h) for h in heard]
+    assert again == run(DtwEngine(voice, tight, 16_000), sound, 1600)
+    assert 0 < sum(h.accepted for h in again) < sum(h.accepted for h in heard)
+
+
+def test_one_sound_gives_one_word_and_at_most_a_stop_after_it() -> None:
+    def heard(word: str, onset_s: float, end_s: float) -> Heard:
+        return Heard(word=word, score=5.0, accepted=False, onset_s=onset_s, end_s=end_s, decided_s=end_s + 0.2)
+
+    acceptance = Acceptance(Thresholds(stop_words=frozenset({"stop"})))
+    words = (("left", 1.0, 1.5), ("right", 1.1, 1.6), ("stop", 1.2, 1.7), ("stop", 1.3, 1.8))
+    assert [acceptance.of(heard(*word)).accepted for word in words] == [True, False, True, False]
+    assert acceptance.of(heard("right", 1.71 - SAME_SOUND_S, 2.0)).accepted
+    assert not acceptance.of(replace(heard("left", 3.0, 3.5), voiced=0.0)).accepted
+    assert acceptance.of(replace(heard("stop", 4.0, 4.5), voiced=0.0)).accepted
 
 
 @pytest.mark.parametrize("mode", ["thesis_text", "thesis_code"])

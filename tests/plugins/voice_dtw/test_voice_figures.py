@@ -13,8 +13,9 @@ from chairward_voice_dtw import calibration, figures
 from chairward_voice_dtw.cli import words as app
 from chairward_voice_dtw.engine import Heard
 from chairward_voice_dtw.evaluate import trials
-from chairward_voice_dtw.plan import Plan, Trial
-from chairward_voice_dtw.reporting import correct, stop_point
+from chairward_voice_dtw.plan import Plan, Strange, Trial
+from chairward_voice_dtw.reporting import correct, false_accepts, stop_point
+from chairward_voice_dtw.settings import ARMED_THRESHOLD, OPEN_THRESHOLD
 from chairward_voice_dtw.streams import STREAM_HZ, Placed, Row, embed, word_bounds
 from chairward_voice_dtw.variants import VARIANTS, said
 
@@ -104,6 +105,18 @@ def test_a_looser_stop_threshold_hears_more_stops_and_more_false_ones() -> None:
         assert point["false_stops_per_hour"]["per_hour"] == false / 2.0
 
 
+def test_each_mode_of_listening_counts_its_own_false_words() -> None:
+    def heard(word: str, end_s: float, *, accepted: bool) -> Heard:
+        return Heard(word=word, score=0.0, accepted=accepted, onset_s=end_s - 0.5, end_s=end_s, decided_s=end_s + 0.2)
+
+    words = (("left", 2.0), ("left", 100.0), ("stop", 120.0), ("right", 1000.0))
+    armed = [heard(*word, accepted=True) for word in words]
+    always = [heard(*word, accepted=word[0] == "stop" or word[1] > 500.0) for word in words]
+    found = false_accepts(Plan(manifest=Path("x")), [Strange(hours=2.0, heard=armed, always=always)])
+    rates = {name: found[name]["n"] for name in ("motion", "stop", "motion_armed", "motion_armed_per_open_hour")}
+    assert rates == {"motion": 1, "stop": 1, "motion_armed": 1, "motion_armed_per_open_hour": 3}
+
+
 @pytest.mark.needs_shared
 def test_real_words_are_heard_and_strange_ones_mostly_not(shared_data: Path) -> None:
     manifest = shared_data / "voice" / "manifest.csv"
@@ -170,5 +183,9 @@ def test_an_evaluation_of_a_small_manifest_reports_every_figure(tmp_path: Path, 
         assert figures_["accuracy_pct"]["pct"] == 100.0
         assert figures_["end_to_intent_ms"]["p95"] <= 300.0
     assert report["false_accepts_per_hour"]["hours"] == 0.02
+    assert (report["listening"], report["thresholds"]["word"]) == ("armed", ARMED_THRESHOLD)
+    assert report["always_listening"]["thresholds"]["word"] == OPEN_THRESHOLD
+    for figures_ in report["always_listening"]["sources"]["made"].values():
+        assert figures_["accuracy_pct"]["n"] == 6
     only = trials(Plan(manifest=tmp_path / "words.csv", words=("stop",)), "anna", None, 0)
     assert [trial.placed.word for trial in only] == ["stop", "stop"]

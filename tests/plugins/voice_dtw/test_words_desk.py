@@ -18,7 +18,7 @@ from chairward.messages import Intent
 from chairward.sound_pane import NAME, unpack
 from chairward.speaking import Speaker
 from chairward.stages import AudioBlock
-from chairward_voice_dtw.settings import VoiceSettings
+from chairward_voice_dtw.settings import ARMED_THRESHOLD, VoiceSettings
 from chairward_voice_dtw.stage import VoiceStage
 from chairward_voice_dtw.words_desk import WordsDesk
 
@@ -50,7 +50,7 @@ def test_a_word_is_kept_listed_recognised_and_forgotten(ask: Ask, word_folder: P
     assert rows["left"]["nearest"] == "stop"
     assert all(Path(path).is_file() for path in rows["left"]["files"])
     tried = ask("try", path=takes(word_folder, "left")[0], stop_words=["stop"])
-    assert (tried["heard"], tried["needed"]) == ("left", 0.0)
+    assert (tried["heard"], tried["needed"]) == ("left", ARMED_THRESHOLD)
     assert [row["word"] for row in tried["scores"]] == ["left", "stop"]
     assert ask("try", path=takes(word_folder, "stop")[0], stop_words=["stop"])["needed"] == -2.0
     ask("remove", word="left")

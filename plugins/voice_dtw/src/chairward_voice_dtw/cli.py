@@ -125,7 +125,7 @@ def try_words(
     word_set: WordSet = "",
     stop_word: StopWord = "stop",
 ) -> None:
-    """What would be heard in these sound files, and how surely: by the recogniser that drives."""
+    """What would be heard in these sound files, and how surely: by the recogniser that drives, armed."""
     from chairward_voice_dtw.audio import SoundError, read_wav
     from chairward_voice_dtw.engine import Thresholds, Voice
     from chairward_voice_dtw.store import StoreError, WordStore
@@ -133,7 +133,7 @@ def try_words(
     from chairward_voice_dtw.templates import from_files
     from chairward_voice_dtw.trial import hear
 
-    usual = VoiceSettings()
+    usual = VoiceSettings(listening="armed")
     thresholds = Thresholds(word=usual.threshold, stop=usual.stop_threshold, stop_words=frozenset({stop_word}))
     try:
         stored = WordStore(person_dir(person, folder), word_set).files()

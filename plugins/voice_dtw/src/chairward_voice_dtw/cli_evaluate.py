@@ -21,7 +21,9 @@ def evaluate(
     placements: Annotated[int, typer.Option("--placements", min=1, help="streams for each speaker and SNR")] = 2,
     stop_word: StopWord = "stop",
     seed: Annotated[int, typer.Option("--seed", min=0, help="of places, noises and levels")] = 1,
-    threshold: Annotated[float, typer.Option("--threshold", help="log-odds a word needs")] = VoiceSettings().threshold,
+    threshold: Annotated[
+        float | None, typer.Option("--threshold", help="log-odds a word needs; else each mode of listening its own")
+    ] = None,
     stop_threshold: Annotated[
         float, typer.Option("--stop-threshold", help="log-odds the stop word needs")
     ] = VoiceSettings().stop_threshold,
@@ -48,7 +50,6 @@ def evaluate(
         raise fail(ValueError(f"--engine {engine}: allowed are {', '.join(get_args(EngineName))}"))
     if variant not in VARIANTS:
         raise fail(ValueError(f"--variant {variant}: allowed are {', '.join(VARIANTS)}"))
-    settings = VoiceSettings(threshold=threshold, stop_threshold=stop_threshold)
     plan = Plan(
         manifest=manifest.absolute(),
         templates=templates,
@@ -62,7 +63,8 @@ def evaluate(
         embedding=embedding,
         variant=variant,
         words=tuple(word.strip() for word in only.split(",") if word.strip()),
-        settings=settings,
+        threshold=threshold,
+        stop_threshold=stop_threshold,
     )
     try:
         result = run(plan, lambda line: typer.echo(line, err=True))
@@ -80,6 +82,11 @@ def table(result: dict[str, Any]) -> list[str]:
     columns: tuple[str, ...] = ("accuracy_pct", "closed_set_accuracy_pct", "stop_recall_pct", "unknown_accepted_pct")
     columns += ("unknown_accepted_at_95_pct", "cut_early_pct", "never_ended_pct", "undetected_pct")
     lines = [f"engine {result['engine']}, speech embedding {'used' if result['speech_embedding'] else 'not used'}"]
+    always = result["always_listening"]
+    lines.append(
+        f"listening {result['listening']}, threshold {result['thresholds']['word']:+g} "
+        f"(always listening {always['thresholds']['word']:+g})"
+    )
     for source, cells in result["sources"].items():
         lines.append(f"{source} ({next(iter(cells.values()))['speakers']} speakers)")
         for snr, figures in cells.items():
@@ -92,12 +99,18 @@ def table(result: dict[str, Any]) -> list[str]:
             parts.append(
                 f"end to intent p50/p95 {figures['end_to_intent_ms']['p50']}/{figures['end_to_intent_ms']['p95']} ms"
             )
+            open_ears = always["sources"][source][snr]
+            parts.append(
+                f"always listening: accuracy {open_ears['accuracy_pct']['pct']}, "
+                f"unknown accepted {open_ears['unknown_accepted_pct']['pct']}"
+            )
             lines.append(f"  {snr}: n {figures['accuracy_pct']['n']}  " + "  ".join(parts))
     false = result["false_accepts_per_hour"]
     lines.append(
         f"false accepts an hour ({false['hours']} h): motion {false['motion']['per_hour']} "
         f"[{false['motion']['low']}..{false['motion']['high']}], stop {false['stop']['per_hour']}, "
-        f"motion when armed {false['motion_armed']['per_hour']}"
+        f"motion when armed {false['motion_armed']['per_hour']}, "
+        f"in an hour of being open {false['motion_armed_per_open_hour']['per_hour']}"
     )
     lines += [
         f"  at threshold {p['threshold']:+.1f}: accuracy {p['accuracy_pct']['pct']}, "

@@ -21,8 +21,8 @@ from chairward_voice_dtw.thesis import RECORDING, Mode, ThesisMatcher
 
 NEVER = -1e9
 """Score of what cannot be a word."""
-SAME_SOUND = 10
-"""Frames by which two words may overlap and still be two sounds: bounds are that sure."""
+SAME_SOUND_S = 0.12
+"""Less than this two words may overlap and still be two sounds: bounds are that sure."""
 LEAST_VOICED = 0.01
 """A sound without one frame that webrtcvad takes for speech moves nothing (0.2 % of real words are such)."""
 
@@ -32,7 +32,7 @@ class Heard:
     """Something that ended and was compared. Times are seconds of the stream.
 
     word: the nearest, "" for talk and noise that is too long for a word. score: log-odds that it was said.
-    accepted: over that word's threshold.
+    accepted: over that word's threshold, and not the same sound once more. voiced: share of it that is speech.
     onset_s, end_s: of the active part; decided_s: of the newest sample that the decision rests on.
     """
 
@@ -42,6 +42,7 @@ class Heard:
     onset_s: float
     end_s: float
     decided_s: float
+    voiced: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +56,26 @@ class Thresholds:
     def of(self, word: str) -> float:
         """The threshold of one word."""
         return self.stop if word in self.stop_words else self.word
+
+
+class Acceptance:
+    """Which of the heard words count, in the order in which they are heard: one word for each sound."""
+
+    def __init__(self, thresholds: Thresholds) -> None:
+        self._thresholds = thresholds
+        self._taken_until_s = 0.0
+        self._taken_word = ""
+
+    def of(self, heard: Heard) -> Heard:
+        """The same, accepted or not."""
+        stop = heard.word in self._thresholds.stop_words
+        speech = stop or heard.voiced >= LEAST_VOICED
+        # a sound that has given a word may still give a stop
+        taken = heard.onset_s < self._taken_until_s and (not stop or heard.word == self._taken_word)
+        accepted = speech and heard.score >= self._thresholds.of(heard.word) and not taken
+        if accepted:
+            self._taken_until_s, self._taken_word = heard.end_s - SAME_SOUND_S, heard.word
+        return replace(heard, accepted=accepted)
 
 
 class Engine(Protocol):
@@ -91,17 +112,16 @@ class DtwEngine:
 
     def __init__(self, voice: Voice, thresholds: Thresholds, rate_hz: int, *, at_once: bool = False) -> None:
         self._matcher = voice.matcher
-        self._thresholds = thresholds
+        self._stop_words = thresholds.stop_words
+        self._acceptance = Acceptance(thresholds)
         self._resampler = Resampler(rate_hz)
         self._spotter = None if voice.prints is None else Spotter(voice.prints, at_once=at_once)
         longest = max(150, int(1.6 * self._matcher.longest))
         self._segmenter = Segmenter(() if self._spotter else tuple(replace(p, longest=longest) for p in LISTENERS))
-        self._taken_until = -1
-        self._taken_word = ""
 
     def push(self, samples: Floats) -> list[Heard]:
         """Everything that these samples decide."""
-        return [self._heard(segment, spotted) for segment, spotted in self.offers(samples)]
+        return [self._acceptance.of(self._heard(segment, spotted)) for segment, spotted in self.offers(samples)]
 
     def offers(self, samples: Floats) -> list[tuple[Segment, Spotted | None]]:
         """The stretches that may be words."""
@@ -114,29 +134,19 @@ class DtwEngine:
         return [(segment, s) for segment, s in cuts if segment is not None]
 
     def _heard(self, segment: Segment, spotted: Spotted | None) -> Heard:
-        word, score, accepted = "", NEVER, False
+        word, score = "", NEVER
         if not segment.too_long:
-            verdict = self._matcher.judge(segment, spotted, self._thresholds.stop_words)
+            verdict = self._matcher.judge(segment, spotted, self._stop_words)
             word, score = verdict.word, verdict.score
-            stop = word in self._thresholds.stop_words
-            speech = stop or segment.voiced >= LEAST_VOICED
-            accepted = speech and score >= self._thresholds.of(word) and not self._taken(segment, word)
-        if accepted:
-            self._taken_until, self._taken_word = segment.last - SAME_SOUND, word
         return Heard(
             word=word,
             score=score,
-            accepted=accepted,
+            accepted=False,
             onset_s=segment.first * HOP / RATE_HZ,
             end_s=frame_end_s(segment.last),
             decided_s=frame_end_s(segment.decided),
+            voiced=segment.voiced,
         )
-
-    def _taken(self, segment: Segment, word: str) -> bool:
-        """This sound has already given a word; only a stop may still come out of it."""
-        if segment.first > self._taken_until:
-            return False
-        return word not in self._thresholds.stop_words or word == self._taken_word
 
     @property
     def now_s(self) -> float:

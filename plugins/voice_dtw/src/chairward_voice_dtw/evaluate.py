@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from chairward_voice_dtw.audio import Floats, SoundError
-from chairward_voice_dtw.engine import Engine, Heard, Thresholds
-from chairward_voice_dtw.plan import Plan, Trial
+from chairward_voice_dtw.engine import Acceptance, Engine, Heard
+from chairward_voice_dtw.plan import DRIVEN, Plan, Strange, Trial
 from chairward_voice_dtw.reporting import report
 from chairward_voice_dtw.stage import EngineMaker
-from chairward_voice_dtw.streams import STREAM_HZ, Row, babble, by_role, embed, load, read_manifest
+from chairward_voice_dtw.streams import STREAM_HZ, Placed, Row, babble, by_role, embed, load, read_manifest
 from chairward_voice_dtw.variants import VARIANTS, said
 from chairward_voice_dtw.workers import workers
 
@@ -47,10 +47,7 @@ def _maker(plan: Plan, speaker: str) -> EngineMaker:
     for row in by_role(_rows(plan.manifest), speaker)["template"]:
         if len(files.setdefault(row.word, [])) < plan.templates:
             files[row.word].append(row.path)
-    thresholds = Thresholds(
-        word=plan.settings.threshold, stop=plan.settings.stop_threshold, stop_words=frozenset({plan.stop_word})
-    )
-    return EngineMaker(files, thresholds, plan.engine, embedding=plan.embedding, weights=plan.weights)
+    return EngineMaker(files, plan.thresholds(DRIVEN), plan.engine, embedding=plan.embedding, weights=plan.weights)
 
 
 def _engine(plan: Plan, speaker: str, *, at_once: bool = True) -> Engine:
@@ -60,6 +57,14 @@ def _engine(plan: Plan, speaker: str, *, at_once: bool = True) -> Engine:
 def listen(engine: Engine, samples: Floats, block: int = BLOCK) -> list[Heard]:
     """Everything that the engine hears in a stream."""
     return [heard for at in range(0, len(samples), block) for heard in engine.push(samples[at : at + block])]
+
+
+def always_open(plan: Plan, heard: Sequence[Heard]) -> list[Heard]:
+    """A stream as ears that are always open would have accepted it; the thesis' engines accept everything."""
+    if plan.engine != "default":
+        return list(heard)
+    acceptance = Acceptance(plan.thresholds("always"))
+    return [acceptance.of(h) for h in heard]
 
 
 def _noises(plan: Plan) -> list[Floats]:
@@ -78,15 +83,19 @@ def trials(
     level_dbfs = float(rng.uniform(-32.0, -20.0))
     stream = embed(utterances, _noises(plan), snr, rng, level_dbfs=level_dbfs, gain_db=variant.gain_db)
     heard = listen(make() if make else _engine(plan, speaker), stream.samples)
+    always = [] if make else always_open(plan, heard)
     source = roles["test"][0].source
-    out = []
-    for placed in stream.placed:
-        mine = tuple(h for h in heard if h.onset_s < placed.end_s + 0.1 and h.end_s > placed.onset_s - 0.1)
-        out.append(Trial(source=source, speaker=speaker, snr=snr, placed=placed, heard=mine))
-    return out
+
+    def over(found: Sequence[Heard], placed: Placed) -> tuple[Heard, ...]:
+        return tuple(h for h in found if h.onset_s < placed.end_s + 0.1 and h.end_s > placed.onset_s - 0.1)
+
+    return [
+        Trial(source=source, speaker=speaker, snr=snr, placed=p, heard=over(heard, p), always=over(always, p))
+        for p in stream.placed
+    ]
 
 
-def false_accepts(plan: Plan, speaker: str, seconds: float) -> tuple[float, list[Heard]]:
+def false_accepts(plan: Plan, speaker: str, seconds: float) -> Strange:
     """Hours of noise, talk and unknown words at varied levels, and everything that was heard in them."""
     rows = _rows(plan.manifest)
     rng = np.random.default_rng([plan.seed, zlib.crc32(speaker.encode()), 31337])
@@ -100,7 +109,7 @@ def false_accepts(plan: Plan, speaker: str, seconds: float) -> tuple[float, list
         samples = babble(unknown, talk, _noises(plan), part, rng)
         found += [h for h in listen(engine, samples) if h.word]
         done += part
-    return seconds / 3600.0, found
+    return Strange(hours=seconds / 3600.0, heard=found, always=always_open(plan, found))
 
 
 def computing(plan: Plan, speaker: str) -> tuple[float, list[float]]:
@@ -145,17 +154,16 @@ def evaluate(plan: Plan, say: Say) -> dict[str, Any]:
     if plan.hours > 0.0:
         jobs += [("false", plan, speaker, plan.hours * 3600.0 / len(speakers)) for speaker in speakers]
     found: list[Trial] = []
-    hours, strange = 0.0, list[list[Heard]]()
+    strange: list[Strange] = []
     began = time.monotonic()
     with workers(plan.processes) as pool:
         for number, (job, result) in enumerate(zip(jobs, pool.map(_job, jobs), strict=True), start=1):
             if job[0] == "trials":
                 found += result
             else:
-                hours += result[0]
-                strange.append(result[1])
+                strange.append(result)
             if number % 20 == 0 or number == len(jobs):
                 say(f"{number} of {len(jobs)} streams, {time.monotonic() - began:.0f} s")
         # one at a time: these are times
         timed = [pool.submit(_job, ("computing", plan, speaker)).result() for speaker in speakers[:3]]
-    return report(plan, found, hours, strange, timed)
+    return report(plan, found, strange, timed)

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from chairward_voice_dtw import calibration
-from chairward_voice_dtw.engine import Heard
-from chairward_voice_dtw.settings import EngineName, VoiceSettings
+from chairward_voice_dtw.engine import Heard, Thresholds
+from chairward_voice_dtw.settings import EngineName, Listening, VoiceSettings
 from chairward_voice_dtw.streams import Placed
+
+DRIVEN: Listening = "armed"
+"""How a chair listens that somebody sits in."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
     """What to evaluate; snrs in dB, None for clean. hours: of sound without commands, over all speakers.
 
-    embedding: use the speech embedding where it is installed. variant: how the tested words are said.
-    words: only these are said, by those who have them; none: all. speakers: only these; none: all. weights: file of the
-    score.
+    threshold: stated for all modes of listening; None: each its own. embedding: use the speech embedding where it is
+    installed. variant: how the tested words are said. words: only these are said, by those who have them; none: all.
+    speakers: only these; none: all. weights: file of the score.
     """
 
     manifest: Path
@@ -31,18 +34,35 @@ class Plan:
     processes: int = 0
     embedding: bool = True
     variant: str = "usual"
-    settings: VoiceSettings = field(default_factory=VoiceSettings)
+    threshold: float | None = None
+    stop_threshold: float = VoiceSettings().stop_threshold
     words: tuple[str, ...] = ()
     speakers: tuple[str, ...] = ()
     weights: Path = calibration.FILE
 
+    def thresholds(self, listening: Listening) -> Thresholds:
+        """What a word needs in one mode of listening."""
+        word = VoiceSettings(listening=listening).threshold if self.threshold is None else self.threshold
+        return Thresholds(word=word, stop=self.stop_threshold, stop_words=frozenset({self.stop_word}))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
-    """One utterance and what became of it. heard: everything that overlaps it."""
+    """One utterance and what became of it. heard: everything that overlaps it, accepted in the mode DRIVEN; always: the
+    same, accepted by ears that are always open."""
 
     source: str
     speaker: str
     snr: float | None
     placed: Placed
     heard: tuple[Heard, ...]
+    always: tuple[Heard, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Strange:
+    """What was heard in so many hours without a command; heard, always: as of a Trial."""
+
+    hours: float
+    heard: list[Heard]
+    always: list[Heard]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ import numpy as np
 from chairward_voice_dtw.embedding import network
 from chairward_voice_dtw.engine import NEVER, Heard
 from chairward_voice_dtw.figures import accepted_at, equal_error_rate_pct, percentiles, rate_per_hour, share
-from chairward_voice_dtw.plan import Plan, Trial
+from chairward_voice_dtw.plan import DRIVEN, Plan, Strange, Trial
+from chairward_voice_dtw.settings import VoiceSettings
 
 LINES = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 STOP_LINES = (-1.0, -2.0, -2.5, -3.0, -3.5, -4.0, -5.0)
@@ -67,13 +69,21 @@ def cell(found: Sequence[Trial], stop_word: str) -> dict[str, Any]:
     }
 
 
-def armed_accepts(strange: Sequence[Sequence[Heard]], plan: Plan) -> int:
-    """Motion words that were wrongly accepted while a listener that a switch opens now and then was open."""
-    return sum(
-        h.accepted and h.word != plan.stop_word and h.end_s % ARM_EVERY_S < plan.settings.armed_s
-        for stream in strange
-        for h in stream
-    )
+def false_accepts(plan: Plan, strange: Sequence[Strange]) -> dict[str, Any]:
+    """Words that nobody said: always listening, and armed, each at its own threshold."""
+    hours, armed_s = sum(stream.hours for stream in strange), VoiceSettings().armed_s
+    always = [h.word for stream in strange for h in stream.always if h.accepted]
+    stops = sum(word == plan.stop_word for word in always)
+    motion = [h for stream in strange for h in stream.heard if h.accepted and h.word != plan.stop_word]
+    opened = sum(h.end_s % ARM_EVERY_S < armed_s for h in motion)
+    return {
+        "hours": round(hours, 3),
+        "motion": rate_per_hour(len(always) - stops, hours),
+        "stop": rate_per_hour(stops, hours),
+        "motion_armed": rate_per_hour(opened, hours),
+        "motion_armed_note": f"open for {armed_s:g} s every {ARM_EVERY_S:g} s, as if by a switch",
+        "motion_armed_per_open_hour": rate_per_hour(len(motion), hours),
+    }
 
 
 def operating_point(
@@ -113,6 +123,17 @@ def stop_point(
     return {"threshold": line, "stop_recall_pct": heard, "false_stops_per_hour": rate_per_hour(false, hours)}
 
 
+def cells(plan: Plan, found: Sequence[Trial]) -> dict[str, dict[str, dict[str, Any]]]:
+    """The figures by source and SNR."""
+    return {
+        source: {
+            snr_name(snr): cell([t for t in found if t.source == source and t.snr == snr], plan.stop_word)
+            for snr in plan.snrs
+        }
+        for source in dict.fromkeys(t.source for t in found)
+    }
+
+
 def snr_name(snr: float | None) -> str:
     """As it is written in options and reports."""
     return "clean" if snr is None else f"{snr:g}"
@@ -121,21 +142,12 @@ def snr_name(snr: float | None) -> str:
 def report(
     plan: Plan,
     found: Sequence[Trial],
-    hours: float,
-    strange: Sequence[Sequence[Heard]],
+    strange: Sequence[Strange],
     measured: Sequence[tuple[float, list[float]]],
 ) -> dict[str, Any]:
-    """Everything together."""
-    accepted = [h.word for stream in strange for h in stream if h.accepted]
-    sources = list(dict.fromkeys(t.source for t in found))
-    stops = sum(word == plan.stop_word for word in accepted)
-    cells = {
-        source: {
-            snr_name(snr): cell([t for t in found if t.source == source and t.snr == snr], plan.stop_word)
-            for snr in plan.snrs
-        }
-        for source in sources
-    }
+    """Everything together: in the mode in which somebody is driven, and beside it always listening."""
+    driven, always = plan.thresholds(DRIVEN), plan.thresholds("always")
+    hours, heard = sum(stream.hours for stream in strange), [stream.heard for stream in strange]
     return {
         "manifest": plan.manifest.name,
         "engine": plan.engine,
@@ -144,18 +156,17 @@ def report(
         "templates": plan.templates,
         "placements": plan.placements,
         "seed": plan.seed,
-        "thresholds": {"word": plan.settings.threshold, "stop": plan.settings.stop_threshold},
+        "listening": DRIVEN,
+        "thresholds": {"word": driven.word, "stop": driven.stop},
         "note": "n counts placements of the same recordings too; the number of speakers is the real sample size",
-        "sources": cells,
-        "false_accepts_per_hour": {
-            "hours": round(hours, 3),
-            "motion": rate_per_hour(len(accepted) - stops, hours),
-            "stop": rate_per_hour(stops, hours),
-            "motion_armed": rate_per_hour(armed_accepts(strange, plan), hours),
-            "motion_armed_note": f"open for {plan.settings.armed_s:g} s every {ARM_EVERY_S:g} s, as if by a switch",
+        "sources": cells(plan, found),
+        "always_listening": {
+            "thresholds": {"word": always.word, "stop": always.stop},
+            "sources": cells(plan, [replace(trial, heard=trial.always) for trial in found]),
         },
-        "operating_points": [operating_point(found, hours, strange, line) for line in LINES],
-        "stop_points": [stop_point(found, hours, strange, plan.stop_word, line) for line in STOP_LINES],
+        "false_accepts_per_hour": false_accepts(plan, strange),
+        "operating_points": [operating_point(found, hours, heard, line) for line in LINES],
+        "stop_points": [stop_point(found, hours, heard, plan.stop_word, line) for line in STOP_LINES],
         "cpu_ms_per_s": round(float(np.median([cpu for cpu, _ in measured])), 2),
         "deciding_ms": percentiles([ms for _, each in measured for ms in each], 50, 95),
     }

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from chairward.components import Settings
 
 EngineName = Literal["default", "thesis_text", "thesis_code"]
-
+Listening = Literal["always", "armed", "push_to_talk"]
 
 OPEN_THRESHOLD = 3.0
 """With it one false word an hour was measured, always listening, on speakers and noises not fitted to (README)."""
+ARMED_THRESHOLD = -1.0
+"""For the seconds for which somebody has opened the ears on purpose: hearing the word matters more (README)."""
 
 
 class VoiceSettings(Settings):
@@ -31,7 +34,11 @@ class VoiceSettings(Settings):
     )
     speaker: str = Field(default="", description="speaker of the manifest; empty: its first one")
     threshold: float = Field(
-        default=0.0, ge=-5.0, le=20.0, description="log-odds a word needs; higher: fewer wrong, more unheard"
+        default=OPEN_THRESHOLD,
+        ge=-5.0,
+        le=20.0,
+        description="log-odds a word needs; higher: fewer wrong, more unheard; unless it is stated "
+        f"{OPEN_THRESHOLD:g} always listening, {ARMED_THRESHOLD:g} armed and by push to talk",
     )
     stop_threshold: float = Field(
         default=-2.0, ge=-20.0, le=5.0, description="log-odds the stop word needs; looser than the others"
@@ -39,7 +46,7 @@ class VoiceSettings(Settings):
     refractory_ms: int = Field(
         default=400, ge=0, le=5000, description="no second motion word within this; stop is always heard"
     )
-    listening: Literal["always", "armed", "push_to_talk"] = Field(
+    listening: Listening = Field(
         default="always",
         description="when motion words count: armed, some seconds after the wake word or a press of the talk switch; "
         "push_to_talk, while the talk switch is held; stop always counts",
@@ -63,6 +70,14 @@ class VoiceSettings(Settings):
         pattern=r"^[a-z0-9_]{0,20}$",
         description="another set of recordings of the same person ('tired', 'hoarse'); empty: the usual voice",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _threshold_of_the_mode(cls, given: Any) -> Any:
+        """Ears that are opened on purpose need less than ears that are always open, unless it is stated."""
+        if isinstance(given, Mapping) and given.get("listening") in ("armed", "push_to_talk"):
+            return {"threshold": ARMED_THRESHOLD, **given}
+        return given
 
     def unfit_to_ride(self) -> tuple[str, str] | None:
         """An open microphone, unless its threshold is as high as what was measured asks for."""

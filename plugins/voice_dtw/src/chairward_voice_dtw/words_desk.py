@@ -145,13 +145,13 @@ class WordsDesk:
         return {"removed": request["word"]}
 
     def _try(self, request: Request) -> Answer:
-        """What would be heard, and how near each word is: 1 for the nearest, less for farther ones."""
+        """What would be heard, armed, and how near each word is: 1 for the nearest, less for farther ones."""
         files = self._store(request).files()
         if not files:
             raise SoundError(f"{request['person']} has no recorded words yet")
         if self._known is None or self._known.files != files:
             self._known = Known.of(files)
-        sound, settings = _sound(Path(str(request["path"]))), VoiceSettings()
+        sound, settings = _sound(Path(str(request["path"]))), VoiceSettings(listening="armed")
         stop_words = frozenset(str(word) for word in request.get("stop_words", []))
         thresholds = Thresholds(word=settings.threshold, stop=settings.stop_threshold, stop_words=stop_words)
         heard, segment = hear(self._known.voice, thresholds, sound), cut_out(sound)
