@@ -14,7 +14,7 @@ from chairward.envelope import Caps
 from chairward.facts import MS, Facts, Limits, Near, Pressed, SourceLimits, State
 from chairward.messages import Button, Command, Way
 from chairward.scene import look
-from chairward.testing.ride import FRONT, PANEL, START_NS, Ride, chair_limits, driving, healthy, readings
+from chairward.testing.ride import FRONT, PANEL, START_NS, Ride, chair_limits, driving, healthy, readings, recorded
 
 LIMITS = chair_limits()
 SIDE = "side/range"
@@ -31,13 +31,8 @@ def test_deciding_twice_on_the_same_is_the_same() -> None:
 
 def test_a_record_of_a_decision_replays_to_the_same_decision() -> None:
     state, facts, limits = now(ahead_mm=700, left_mm=900)
-    after, decision = decide(state, facts, limits)
-    record = records.Record(
-        tick=1, due_ns=1, woke_ns=1, wrote_ns=1, periodic=True, before=state, facts=facts, after=after,
-        decision=decision,
-    )  # fmt: skip
-    kept = records.decode(records.encode(record))
-    assert decide(kept.before, kept.facts, limits) == (kept.after, kept.decision) == (after, decision)
+    kept = records.decode(records.encode(recorded(1, state, facts, limits)))
+    assert decide(kept.before, kept.facts, limits) == (kept.after, kept.decision) == decide(state, facts, limits)
 
 
 def test_the_first_decision_of_all_cannot_move_the_chair() -> None:

@@ -27,7 +27,7 @@ from chairward.recording import PINS, PLAN, RECORDS, Recorder, RecorderSettings,
 from chairward.records import Record
 from chairward.replay import Gap, Replayed, replay
 from chairward.shared_state import SharedState
-from chairward.testing.ride import chair_plan
+from chairward.testing.ride import chair_plan, recorded
 
 LIMITS = Limits(steer_deg_s=5.0)
 
@@ -54,21 +54,8 @@ def some_records(count: int) -> list[Record]:
             drive=DriveStatus(at_ns=now, linked=True, armed=True),
             supervisor_ns=now,
         )
-        after, decision = decide(state, facts, LIMITS)
-        made.append(
-            Record(
-                tick=tick,
-                due_ns=now,
-                woke_ns=now,
-                wrote_ns=now,
-                periodic=True,
-                before=state,
-                facts=facts,
-                after=after,
-                decision=decision,
-            )
-        )
-        state = after
+        made.append(recorded(tick, state, facts, LIMITS))
+        state = made[-1].after
     return made
 
 

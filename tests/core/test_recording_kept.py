@@ -23,7 +23,7 @@ from chairward.recording import LOG, Recorder, RecorderSettings, entries, messag
 from chairward.recording.pictures import Keep, png
 from chairward.recording.topics import TOPICS, schema
 from chairward.stages import Pane
-from chairward.testing.ride import Ride
+from chairward.testing.ride import Ride, recorded
 
 
 def a_drive(count: int = 40) -> list[records.Record]:
@@ -34,25 +34,10 @@ def a_drive(count: int = 40) -> list[records.Record]:
     for tick in range(count):
         ride.world["front/range"] = {"ahead_mm": max(400, 1500 - 40 * tick)}
         before = ride.state
-        decision = ride.tick()
-        assert ride._facts is not None
-        now = ride._facts.now_ns
-        made.append(
-            records.Record(
-                tick=tick,
-                due_ns=now,
-                woke_ns=now + 50_000,
-                wrote_ns=now + 300_000,
-                periodic=True,
-                before=before,
-                facts=ride._facts,
-                after=ride.state,
-                decision=decision,
-                newest_sent_ns=now,
-                told=decision.motion,
-                frame=b"\x01\x02",
-            )
-        )
+        ride.tick()
+        now = ride.newest_facts.now_ns
+        stamps = {"woke_ns": now + 50_000, "wrote_ns": now + 300_000, "newest_sent_ns": now}
+        made.append(recorded(tick, before, ride.newest_facts, ride.limits, frame=b"\x01\x02", **stamps))
     return made
 
 

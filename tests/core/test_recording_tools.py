@@ -14,7 +14,6 @@ from msgspec.structs import replace
 from typer.testing import CliRunner
 
 from chairward import plan, profile, records
-from chairward.arbiter import decide
 from chairward.cli.app import app
 from chairward.components import Context
 from chairward.facts import Facts, Limits, State
@@ -23,7 +22,7 @@ from chairward.recording import Recorder, RecorderSettings, read, read_plan, too
 from chairward.recording.read import entries
 from chairward.recording.redact import redact
 from chairward.replay import CHUNKS_WORTH_A_CORE, replay
-from chairward.testing.ride import FRONT, PANEL, VOICE, Ride, chair_limits
+from chairward.testing.ride import FRONT, PANEL, VOICE, Ride, chair_limits, recorded
 from chairward.what_if import compare
 
 LIMITS = chair_limits()
@@ -44,22 +43,7 @@ def drive_at_a_wall(limits: Limits, count: int) -> list[records.Record]:
         distance -= decision.motion.drive_mm_s * 0.02
         if tick % 400 == 399:
             distance = 4000.0
-        assert ride._facts is not None
-        now = ride._facts.now_ns
-        made.append(
-            records.Record(
-                tick=tick,
-                due_ns=now,
-                woke_ns=now,
-                wrote_ns=now,
-                periodic=True,
-                before=before,
-                facts=ride._facts,
-                after=ride.state,
-                decision=decision,
-                told=decision.motion,
-            )
-        )
+        made.append(recorded(tick, before, ride.newest_facts, limits))
     return made
 
 
@@ -212,13 +196,8 @@ def test_a_redacted_copy_has_no_path_and_no_name_in_any_text_and_replays_bit_for
         words = [ride.wish(Command.RESET, word="zurück")] if tick == 16 else []
         press = [Button.RESET] if tick in (0, 17) else [Button.ARM] if tick == 2 else []
         ride.tick(*words, press=press)
-        assert ride._facts is not None
-        facts = told_of_places(tick, ride._facts)
-        after, decision = decide(state, facts, LIMITS)
-        now = facts.now_ns
-        stamps = {"due_ns": now, "woke_ns": now, "wrote_ns": now, "periodic": True}
-        made.append(records.Record(tick=tick, **stamps, before=state, facts=facts, after=after, decision=decision))
-        state = after
+        made.append(recorded(tick, state, told_of_places(tick, ride.newest_facts), LIMITS))
+        state = made[-1].after
     path, copy = kept(tmp_path, made, base=dataclasses.replace(base, drive=drive)), tmp_path / "copy.mcap"
     secret = re.compile(rb"(?<![\w/])/\w|demo|maria|zur|14.0|red one")
     before = b"".join(entry.data for entry in entries(path))

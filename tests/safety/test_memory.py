@@ -9,13 +9,12 @@ from pathlib import Path
 from rig import load
 
 from chairward import records, wire
-from chairward.arbiter import decide
 from chairward.border import Border
 from chairward.facts import MS, State
 from chairward.messages import Alive, Command, DriveStatus, Intent, Message, Parcel, RangeReading
 from chairward.plan import LanePlan, Part
 from chairward.supervisor import Supervisor
-from chairward.testing.ride import START_NS, chair_limits
+from chairward.testing.ride import START_NS, chair_limits, recorded
 from chairward.wire import encode_parcel
 
 LANES = {"front": "range", "voice": "words", "panel": "switch"}
@@ -55,23 +54,9 @@ class Chair:
             self.border.lane_attached("front")
         drive = DriveStatus(at_ns=now, linked=True, armed=nth % 400 > 10)
         facts = self.border.facts(now, drive, now, 0)
-        before = self.state
-        self.state, decision = decide(before, facts, self.limits)
-        if self.state.latch:
-            self.state = State(latch="", armed=True)
-        return records.encode(
-            records.Record(
-                tick=nth,
-                due_ns=now,
-                woke_ns=now,
-                wrote_ns=now,
-                periodic=True,
-                before=before,
-                facts=facts,
-                after=self.state,
-                decision=decision,
-            )
-        )
+        record = recorded(nth, self.state, facts, self.limits)
+        self.state = State(latch="", armed=True) if record.after.latch else record.after
+        return records.encode(record)
 
 
 def test_thousands_of_decisions_in_all_kinds_of_trouble_leave_nothing_behind() -> None:

@@ -13,7 +13,7 @@ from chairward import records
 from chairward.components import Component, Context, Observer
 from chairward.messages import Button, Command
 from chairward.records import Record
-from chairward.testing.ride import PANEL, Ride
+from chairward.testing.ride import PANEL, Ride, recorded
 
 SLOW_CALL_S = 1.0
 """No single call may take longer; on average a hundredth of it: an observer that falls behind misses records."""
@@ -97,20 +97,6 @@ def ride(ticks: int, *, silent: bool = False) -> list[Record]:
             chair.silent.add(PANEL)
         before, press = chair.state, {2: [Button.RESET], 4: [Button.ARM]}.get(tick, [])
         heard = [Command.FRONT] if tick == 10 else []
-        decision = chair.tick(*heard, press=press)
-        facts = chair.newest_facts
-        done.append(
-            Record(
-                tick=tick,
-                due_ns=facts.now_ns,
-                woke_ns=facts.now_ns,
-                wrote_ns=facts.now_ns,
-                periodic=True,
-                before=before,
-                facts=facts,
-                after=chair.state,
-                decision=decision,
-                told=decision.motion,
-            )
-        )
+        chair.tick(*heard, press=press)
+        done.append(recorded(tick, before, chair.newest_facts, chair.limits))
     return done

@@ -14,6 +14,7 @@ from chairward.components import Footprint
 from chairward.facts import MS, Decision, Facts, Limits, Pressed, S, SourceLimits, State, Wish
 from chairward.messages import Alive, Button, Command, DriveStatus, RangeReading, Veto, Way
 from chairward.plan import ChairKind, LanePlan, Part, Plan
+from chairward.records import Record
 
 FRONT, VOICE, PANEL = "front/range", "voice/words", "panel/switch"
 AHEAD_AND_SIDES = frozenset({Way.AHEAD, Way.LEFT, Way.RIGHT})
@@ -71,6 +72,24 @@ def healthy(limits: Limits, now_ns: int = START_NS, **changes: Any) -> Facts:
         supervisor_ns=now_ns - 100 * MS,
     )
     return replace(facts, **changes)
+
+
+def recorded(tick: int, before: State, facts: Facts, limits: Limits, **changes: Any) -> Record:
+    """The decision on these facts as the guard publishes it, told to the drive in the same instant; changed as told."""
+    after, decision = decide(before, facts, limits)
+    plain = Record(
+        tick=tick,
+        due_ns=facts.now_ns,
+        woke_ns=facts.now_ns,
+        wrote_ns=facts.now_ns,
+        periodic=True,
+        before=before,
+        facts=facts,
+        after=after,
+        decision=decision,
+        told=decision.motion,
+    )
+    return replace(plain, **changes)
 
 
 def driving(command: Command = Command.FRONT, now_ns: int = START_NS, **changes: Any) -> State:
