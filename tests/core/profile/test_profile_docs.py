@@ -21,7 +21,8 @@ from chairward.profile.models import (
     StoppingTable,
 )
 
-DOCS = Path(__file__).resolve().parents[3] / "docs" / "profiles.md"
+ROOT = Path(__file__).resolve().parents[3]
+DOCS = ROOT / "docs" / "profiles.md"
 
 
 def row(model: type[BaseModel], key: str) -> str:
@@ -47,3 +48,10 @@ def test_every_limit_has_its_line(model: type[BaseModel]) -> None:
 def test_every_key_is_named(model: type[BaseModel]) -> None:
     text = DOCS.read_text(encoding="utf-8")
     assert [key for key in model.model_fields if f"`{key}`" not in text] == []
+
+
+@pytest.mark.parametrize(
+    "file", sorted(ROOT.glob("profiles/*/*.toml")), ids=lambda path: f"{path.parent.name}-{path.stem}"
+)
+def test_every_shipped_profile_is_in_its_table(file: Path) -> None:
+    assert f"\n| `{file.stem}` | " in DOCS.read_text(encoding="utf-8")
