@@ -4,9 +4,9 @@ Renders pairs and drives (rendered/: seeded rooms, materials, light, shadows, gl
 lengths) into a temporary folder with a manifest in the format of the test sets, and measures them with the code of
 `chairward range evaluate`. Prints the figures and writes benchmarks/results/eyes_rendered.json. `--keep FOLDER` keeps
 the pictures of each lot there, takes what it finds there instead of rendering it again, and leaves manifests for
-`chairward range evaluate FOLDER/1-0-150-14/manifest.csv --report out/`.
-A lot is the same whether measured in one run or in several (`--first 10 --lots 5`). `--oracle` measures what perfect
-depth would tell.
+`chairward range evaluate FOLDER/1-0-150-14/manifest.csv --report out/`. A lot is the same whether measured in one run
+or in several (`--first 10 --lots 5`). Drives are measured with the votes of both stages, and by stereo alone beside.
+`--oracle`: what perfect depth would tell; `--only cable --pairs 0 --drives 60 --out FILE`: drives at such things.
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent / "rendered"))
 from oracle import Oracle, true_disparity
 from photographs import Photographer, Sensor, sensor
-from rooms import BELOW, FLOOR, THINGS, WALL, room
+from rooms import BELOW, FLOOR, RARE, THINGS, WALL, room
 from surfaces import Atlas, atlas
 
 from chairward.components import Pose
 from chairward.messages import NOTHING_NEAR_MM
 from chairward.stages import Floats, StereoGeometry
 from chairward_stereo_range import evaluate, figures, manifest
+from chairward_stereo_range.beside import USUAL, stage_maker
 from chairward_stereo_range.finder import Options, RangeFinder
 from chairward_stereo_range.geometry import make_view, rays, thesis_trapezoid
 
@@ -152,11 +153,15 @@ def add_pair(out: Writer, rng: np.random.Generator, materials: Atlas, name: str)
     out.add(name, "synthetic", g, pose, nearest, note)
 
 
-def add_drive(out: Writer, rng: np.random.Generator, materials: Atlas, name: str) -> None:
-    """Two metres straight on: at a thing, through a doorway, along a wall, or over the floor of an empty room."""
-    what = str(rng.choice([*THINGS, "doorway", "side_wall", "none", "none"]))
+def add_drive(out: Writer, rng: np.random.Generator, materials: Atlas, name: str, only: str) -> None:
+    """Two metres straight on: at a thing, through a doorway, along a wall, or over the floor of an empty room.
+
+    only: at such a thing; "": at any.
+    """
+    what = only or str(rng.choice([*THINGS, "doorway", "side_wall", "none", "none"]))
+    is_thing = what in THINGS | RARE
     start = float(rng.uniform(1350, 1600))
-    made = room(rng, materials, what if what in THINGS else "none", start if what in THINGS else 5000.0)
+    made = room(rng, materials, what if is_thing else "none", start if is_thing else 5000.0)
     if what == "doorway":
         texture = materials.pick(rng, "plaster", "planks", "plain", "brick")
         for side in (1, -1):
@@ -164,8 +169,8 @@ def add_drive(out: Writer, rng: np.random.Generator, materials: Atlas, name: str
     elif what == "side_wall":
         texture = materials.pick(rng, "plaster", "brick", "planks", "plain")
         made.box(-1000, float(rng.choice([520, -520])), (5000, 100, 2500), texture, WALL, shadow=1.0)
-    hard = what in ("low_box", "drop", "stairs")
-    corridor = what not in THINGS or hard or rng.random() < 0.5
+    hard = what in ("cable", "low_box", "drop", "stairs")
+    corridor = not is_thing or hard or rng.random() < 0.5
     g, pose, cameras = geometry(rng), mount(rng), sensor(rng)
     photographer = Photographer(made, materials, finer=1)
     truths = []
@@ -179,7 +184,7 @@ def add_drive(out: Writer, rng: np.random.Generator, materials: Atlas, name: str
         out.look(photographer, g, at, heading)
         for side, picture in zip("LR", photographer.pair(g, at, heading, cameras, rng), strict=True):
             cv2.imwrite(str(out.folder / f"{name}_{side}_{i:03d}.jpg"), picture, [cv2.IMWRITE_JPEG_QUALITY, 98])
-    if corridor and what in THINGS:  # what has gone under the view is still there
+    if corridor and is_thing:  # what has gone under the view is still there
         ahead = min(driven + mm for driven, mm in truths)
         truths = [(driven, ahead - driven) for driven, _ in truths]
     lines = [f"{i},{mm if np.isfinite(mm) else 'inf'}" for i, (_, mm) in enumerate(truths)]
@@ -189,31 +194,33 @@ def add_drive(out: Writer, rng: np.random.Generator, materials: Atlas, name: str
     out.add(name, "sequence", g, pose, float("inf"), note)
 
 
-def lot(task: tuple[int, int, int, int, str, bool]) -> evaluate.Results:
-    """Render and measure one lot: (seed, number of the lot, pairs, drives, folder to keep lots in or "", oracle?)."""
+def lot(task: tuple[int, int, int, int, str, bool, str]) -> evaluate.Results:
+    """Render and measure one lot: (seed, its number, pairs, drives, folder to keep it in or "", oracle?, only)."""
     cv2.setNumThreads(1)
-    seed, number, pairs, drives, keep, perfect = task
+    seed, number, pairs, drives, keep, perfect, only = task
     options = Options(region="trapezoid")
     with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(keep or temporary) / f"{seed}-{number}-{pairs}-{drives}"
+        folder = Path(keep or temporary) / f"{only}{seed}-{number}-{pairs}-{drives}"
         made = folder / "manifest.csv"
         if perfect:
             truths: list[Floats] = []
-            made = render(folder, seed, number, pairs, drives, truths)
+            made = render(folder, seed, number, pairs, drives, truths, only)
             return evaluate.run(manifest.read(made), options, 240, prepare=Oracle(iter(truths)).prepare)
         if not made.exists():
-            made = render(folder, seed, number, pairs, drives, None)
-        return evaluate.run(manifest.read(made), options, 240)
+            made = render(folder, seed, number, pairs, drives, None, only)
+        return evaluate.run(manifest.read(made), options, 240, also=stage_maker(USUAL))
 
 
-def render(folder: Path, seed: int, number: int, pairs: int, drives: int, truths: list[Floats] | None) -> Path:
+def render(
+    folder: Path, seed: int, number: int, pairs: int, drives: int, truths: list[Floats] | None, only: str
+) -> Path:
     """The manifest of one lot, its pictures beside it; true disparities go to `truths`."""
     folder.mkdir(parents=True, exist_ok=True)
     materials, out = atlas(seed * 100_003 + number), Writer(folder, truths)
     for i in range(pairs):
         add_pair(out, np.random.default_rng([seed, number, 0, i]), materials, f"p{number}_{i}")
     for i in range(drives):
-        add_drive(out, np.random.default_rng([seed, number, 1, i]), materials, f"d{number}_{i}")
+        add_drive(out, np.random.default_rng([seed, number, 1, i]), materials, f"d{number}_{i}", only)
     return out.close()
 
 
@@ -264,6 +271,7 @@ def main() -> None:
     parser.add_argument("--lots", type=int, help="only the first so many lots of about 150 pairs and 14 drives")
     parser.add_argument("--first", type=int, default=0, help="number of the first lot")
     parser.add_argument("--oracle", action="store_true", help="with the renderer's disparities: the geometry's limit")
+    parser.add_argument("--only", default="", choices=["", *THINGS, *RARE], help="drives at such a thing (--pairs 0)")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--keep", default="")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "eyes_rendered.json")
@@ -271,7 +279,7 @@ def main() -> None:
     lots = max(1, round(max(arguments.pairs / PAIRS_A_LOT, arguments.drives / DRIVES_A_LOT)))
     share = [[n * (i + 1) // lots - n * i // lots for n in (arguments.pairs, arguments.drives)] for i in range(lots)]
     chosen = range(lots)[arguments.first :][: arguments.lots]
-    tasks = [(arguments.seed, i, *share[i], arguments.keep, arguments.oracle) for i in chosen]
+    tasks = [(arguments.seed, i, *share[i], arguments.keep, arguments.oracle, arguments.only) for i in chosen]
     results = evaluate.Results()
     with Pool(arguments.jobs) as pool:
         for i, part in enumerate(pool.imap(lot, tasks)):
@@ -279,7 +287,7 @@ def main() -> None:
             results.sequences += part.sequences
             print(f"lot {i + 1} of {len(chosen)}", file=sys.stderr, flush=True)
     summary = summarised(results, arguments.seed, len(chosen), lots)
-    if not arguments.oracle:
+    if not arguments.oracle and not arguments.only:
         summary["textured_wall_mean_error_mm"] = wall_table(arguments.seed)
     arguments.out.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
     for kind in ("synthetic", "sequence"):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import cos, radians, sin
+from math import cos, radians, sin, tan
 
 import numpy as np
 import numpy.typing as npt
@@ -83,13 +83,13 @@ def _point(p: Floats) -> tuple[float, float, float]:
 
 
 def room(rng: np.random.Generator, atlas: Atlas, obstacle: str, distance_mm: float) -> Room:
-    """A random room with `obstacle` (a key of THINGS, or "none") so far from the lens."""
+    """A random room with `obstacle` (a key of THINGS or RARE, or "none") so far from the lens."""
     out = Room()
     floor = atlas.pick(rng, *FLOORS)
     far = rng.uniform(2800, 6500) if distance_mm < 2500 else distance_mm + rng.uniform(500, 3000)
     sides = rng.uniform(650, 2600), rng.uniform(650, 2600)
     out.materials = atlas.names[floor]
-    end = THINGS[obstacle](out, rng, atlas, distance_mm, floor) if obstacle != "none" else None
+    end = (THINGS | RARE)[obstacle](out, rng, atlas, distance_mm, floor) if obstacle != "none" else None
     out.level((-2500, end if end is not None else far), (-sides[1], sides[0]), 0.0, floor, FLOOR)
     _walls(out, rng, atlas, far, sides)
     if obstacle not in ("drop", "stairs") and rng.random() < 0.3:
@@ -235,6 +235,13 @@ def _low_box(out: Room, rng: np.random.Generator, atlas: Atlas, x: float) -> Non
     out.box(x, rng.uniform(-120, 120), size, texture, turned_deg=rng.uniform(-15, 15))
 
 
+def _cable(out: Room, rng: np.random.Generator, atlas: Atlas, x: float) -> None:
+    """20 mm thick, across the way, at most 25 degrees askew; what of it the chair will meet first is at x."""
+    turned = rng.uniform(-25, 25)
+    out.box(x + 320 * abs(tan(radians(turned))), 0.0, (20, 1400, 20), atlas.pick(rng, "plain"), turned_deg=turned,
+            shadow=1.0)  # fmt: skip
+
+
 def _drop(out: Room, rng: np.random.Generator, atlas: Atlas, x: float, floor: int) -> float:
     texture = floor if rng.random() < 0.5 else atlas.pick(rng, "plaster", "carpet", "planks", "terrazzo")
     out.level((x, x + 9000), (-3000, 3000), -rng.uniform(150, 800), texture, BELOW)
@@ -268,3 +275,5 @@ THINGS: dict[str, Maker] = {
     "drop": _drop,
     "stairs": lambda o, r, _a, x, f: _stairs(o, r, x, f),
 }
+RARE: dict[str, Maker] = {"cable": lambda o, r, a, x, _f: _cable(o, r, a, x)}
+"""Things that no room holds unless they are asked for."""

@@ -17,7 +17,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from chairward.components import Pose
+from chairward.components import Bench, Pose
+from chairward.messages import RangeReading
+from chairward.stages import DisparityMap, FloorMap, RectifiedPair, StereoFrame
 from chairward_stereo_range import evaluate, figures, manifest, statistics
 from chairward_stereo_range.cli import range_app
 from chairward_stereo_range.finder import Options
@@ -107,7 +109,8 @@ def test_the_json_has_every_figure_that_is_judged(small_set: Path) -> None:
     assert set(drive["stop_distance_mm"]) >= {"median", "min", "max", "n", "bounds_95"}
     assert set(drive["bounds_95"]) >= {"false_stops_per_100m", "abs_error_median_mm", "abs_error_p95_mm"}
     assert (drive["approaches"], drive["missed_approaches"], drive["false_stops_per_100m"]) == (1, 0, 0.0)
-    assert 500 <= drive["stop_distance_mm"]["median"] <= 620
+    assert 500 <= drive["stereo_alone"]["stop_distance_mm"]["median"] <= 620
+    assert 500 <= drive["stop_distance_mm"]["median"] <= 690
 
 
 def test_the_report_is_one_page_with_pictures(small_set: Path, tmp_path: Path) -> None:
@@ -247,6 +250,81 @@ def test_a_drive_with_its_truth_in_the_corridor_is_measured_there(tools: Any, tm
     [through] = evaluate.run([row], Options(region="trapezoid"), 240).sequences
     assert all(f.read_mm > 1000 for f in through.frames), "the posts of the door stand beside the way"
     assert figures.sequence([through])["passed_without_stop_pct"] == 100.0
+
+
+def test_a_second_stage_has_its_vote_while_driving_and_adds_nothing_to_the_errors() -> None:
+    seen = frames((700.0, 720.0, True), (500.0, 520.0, True), (450.0, 610.0, True))
+    voted = replace(seen, frames=[replace(f, beside_mm=590.0) for f in seen.frames])
+    blind = replace(seen, frames=[replace(f, beside_sees=False) for f in seen.frames])
+    assert figures.drive(voted).stop_at_mm == figures.drive(blind).stop_at_mm == 500.0
+    never = replace(seen, frames=[replace(f, read_mm=900.0, beside_mm=590.0) for f in seen.frames])
+    got: Any = figures.sequence([never])
+    assert (got["missed_approaches"], got["stereo_alone"]["missed_approaches"]) == (0, 1)
+    assert got["abs_error_median_mm"] == got["stereo_alone"]["abs_error_median_mm"] == 400.0
+
+
+class Parrot:
+    """A stage that says the same of every pair, and keeps what it was given."""
+
+    def __init__(self, ahead_mm: int | None, can_see: bool) -> None:
+        self.ahead_mm, self.can_see = ahead_mm, can_see
+        self.benches: list[Bench] = []
+
+    def process(self, bench: Bench) -> list[RangeReading]:
+        self.benches.append(bench)
+        frame = bench.get(StereoFrame)
+        assert frame is not None
+        return [
+            RangeReading(
+                seq=frame.seq, captured_ns=frame.captured_ns, can_see=self.can_see, ahead_mm=self.ahead_mm, reason=""
+            )
+        ]
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+def test_a_second_stage_is_fed_as_a_lane_feeds_it_and_answers_in_the_measure_of_the_truth(small_set: Path) -> None:
+    made: list[tuple[Pose, Parrot]] = []
+
+    def make(pose: Pose) -> Parrot:
+        made.append((pose, Parrot(500, True)))
+        return made[-1][1]
+
+    [row] = [replace(e, note=e.note | {"mount": "B"}) for e in manifest.read(small_set) if e.kind == "sequence"]
+    [result] = evaluate.run([row], Options(region="trapezoid"), 240, also=make).sequences
+    [(pose, parrot)] = made
+    assert pose == manifest.MOUNTS["B"]
+    assert len(parrot.benches) == len(result.frames) == 14
+    for bench in parrot.benches:
+        assert all(bench.get(kind) is not None for kind in (RectifiedPair, DisparityMap, FloorMap))
+    depth_mm = 500.0 * np.cos(np.radians(15.0)) + 700.0 * np.sin(np.radians(15.0))
+    assert all(f.beside_mm == pytest.approx(depth_mm) for f in result.frames)
+    [forward] = evaluate.run(
+        [replace(row, note=row.note | {"region": "corridor"})], Options(region="trapezoid"), 240, also=make
+    ).sequences
+    assert all(f.beside_mm == 500.0 for f in forward.frames)
+
+
+def test_stereo_is_alone_where_that_is_asked_and_another_stage_must_be_installed(small_set: Path) -> None:
+    alone = json.loads(invoke(str(small_set), "--also", "none", "--json").stdout)
+    assert alone["also"] is None
+    refused = invoke(str(small_set), "--also", "x_ray")
+    assert refused.exit_code == 2
+    assert "x_ray" in refused.stderr
+
+
+def test_a_drive_at_a_low_thing_told_by_its_start_goes_on_when_the_camera_sees_past_it(
+    small_set: Path, tmp_path: Path
+) -> None:
+    [row] = [e for e in manifest.read(small_set) if e.kind == "sequence"]
+    note = {"obstacle": "cable", "mount": "A", "fps": "15", "speed_mm_s": "450", "D": "900"}
+    told = replace(row, gt=tmp_path / "depth_%03d.png", note=note)
+    truth = manifest.sequence_truth(told)
+    assert told.region == "corridor"
+    assert [truth[i] for i in (0, 1, 13)] == pytest.approx([900.0, 870.0, 510.0])
+    assert replace(told, note=note | {"obstacle": "wall_tex"}).region == "trapezoid"
+    assert replace(told, gt=row.gt).region == "trapezoid", "what tells the truth of its frames is believed"
 
 
 def test_drives_at_hard_things_are_reported_apart() -> None:

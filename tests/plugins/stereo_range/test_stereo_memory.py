@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import inf
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -14,11 +15,13 @@ from chairward_stereo_range.drops import EdgeTrack
 from chairward_stereo_range.geometry import make_view
 from chairward_stereo_range.known_clear import BRIDGE_S, NEEDED_MM, KnownClear
 from chairward_stereo_range.leaving import Edge, Leaving
-from chairward_stereo_range.memory import Memory, Seen
+from chairward_stereo_range.memory import BLIND_PICTURES, Memory, Seen
 from chairward_stereo_range.odometry import FloorOdometry, Steady
 from chairward_stereo_range.tracker import Tracker
 
 DT_S = 1 / 15
+NOTHING = np.zeros((240, 320), bool)
+"""Nothing stands up."""
 
 
 def approach(memory: Memory, start: float, step: float, edge: float, top: float = 120.0) -> tuple[int, float]:
@@ -50,10 +53,20 @@ def test_a_low_thing_gone_under_the_view_is_carried_by_the_odometry(step: float,
 
 def test_a_standing_chair_does_not_forget() -> None:
     memory = Memory(1000.0, 900.0)
-    i, _ = approach(memory, 1800.0, 33.0, 1000.0)
+    i, distance = approach(memory, 1800.0, 33.0, 1000.0)
     for k in range(300):
-        kept = memory.step(Seen((i + k) * DT_S, None, 0.0), None)
+        kept = memory.step(Seen((i + k) * DT_S, None, 0.0), 0.0)
     assert kept.from_memory
+    assert kept.ahead_mm == pytest.approx(distance + 33.0)
+
+
+def test_where_the_floor_does_not_tell_a_low_thing_comes_on_at_its_pace_and_is_left_to_the_guard_at_last() -> None:
+    memory = Memory(1000.0, 900.0)
+    i, distance = approach(memory, 1800.0, 33.0, 1000.0)
+    told = [memory.step(Seen((i + k) * DT_S, None, 0.0), None).ahead_mm for k in range(BLIND_PICTURES + 1)]
+    for k, mm in enumerate(told[:-1]):
+        assert mm == pytest.approx(max(distance - 33.0 * k, 0.0), abs=1e-6)
+    assert told[-1] is None
 
 
 def test_backing_off_until_its_place_is_seen_again_forgets() -> None:
@@ -138,7 +151,7 @@ def test_a_tall_thing_of_which_a_low_part_is_seen_last_has_not_gone_under_the_vi
 @pytest.mark.parametrize("step", [0.0, 20.0, 45.0, -25.0])
 def test_the_floor_tells_how_far_the_chair_drove(tools: Any, step: float) -> None:
     odometry = FloorOdometry(tools.finder().view)
-    moved = [odometry.step(tools.render(tools.room(driven_mm=400.0 + step * i, seed=i))[0]) for i in range(4)]
+    moved = [odometry.step(tools.render(tools.room(driven_mm=400.0 + step * i, seed=i))[0], NOTHING) for i in range(4)]
     assert moved[0] is None
     for now in moved[1:]:
         assert now is not None
@@ -148,8 +161,27 @@ def test_the_floor_tells_how_far_the_chair_drove(tools: Any, step: float) -> Non
 
 def test_a_plain_floor_tells_nothing(tools: Any) -> None:
     odometry = FloorOdometry(tools.finder().view)
-    moved = [odometry.step(tools.render(tools.room(floor="plain", driven_mm=30.0 * i, seed=i))[0]) for i in range(3)]
+    moved = [
+        odometry.step(tools.render(tools.room(floor="plain", driven_mm=30.0 * i, seed=i))[0], NOTHING) for i in range(3)
+    ]
     assert moved == [None, None, None]
+
+
+def test_what_stands_up_does_not_count_as_floor_and_with_too_little_floor_nothing_is_told(tools: Any) -> None:
+    view = tools.finder().view
+    told, misled, covered = FloorOdometry(view), FloorOdometry(view), FloorOdometry(view)
+    floor, _ = tools.render(tools.room(driven_mm=400.0))
+    stands = NOTHING.copy()
+    stands[:, 140:180] = True
+    stripes = np.random.default_rng(5).integers(0, 2, (400, 40, 1), dtype=np.uint8) * np.uint8(255)
+    for i in range(4):
+        left = floor.copy()
+        left[:, 140:180] = stripes[40 - 3 * i : 280 - 3 * i]  # comes nearer while the chair stands
+        still, wrong = told.step(left, stands), misled.step(left, NOTHING)
+        assert covered.step(left, ~NOTHING) is None
+        if i:
+            assert still == pytest.approx((0.0, 0.0), abs=6.0)
+            assert wrong is None or abs(wrong[0]) > 10.0
 
 
 @pytest.mark.parametrize("mount", ["a", "b"])

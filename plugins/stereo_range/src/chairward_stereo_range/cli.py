@@ -29,6 +29,9 @@ def evaluate_command(
     size: Annotated[
         str, typer.Option(help="Working size; its height counts, the pictures keep their aspect")
     ] = "320x240",
+    also: Annotated[
+        str, typer.Option(help="Stage that has a vote beside stereo while driving; none: stereo alone")
+    ] = "vision_obstacle",
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output")] = False,
     report: Annotated[
         Path | None, typer.Option(help="Write an HTML page with the worst cases into this folder")
@@ -37,7 +40,8 @@ def evaluate_command(
     """Measure distances on a test set and compare them with its truth."""
     from typing import get_args
 
-    from chairward_stereo_range import evaluate, figures
+    from chairward.plugins import PluginError
+    from chairward_stereo_range import beside, evaluate, figures
     from chairward_stereo_range import manifest as sets
     from chairward_stereo_range.gate import thesis_gate
     from chairward_stereo_range.matching import Method
@@ -53,12 +57,14 @@ def evaluate_command(
     settings = StereoRangeSettings.model_validate({"region": "trapezoid", **({"method": method} if method else {})})
     try:
         gate = thesis_gate(settings.method)
+        second = beside.stage_maker(beside.NO_STAGE if settings.method.startswith("thesis") else also)
         entries = sets.read(manifest)
-        results = evaluate.run(entries, options_of(settings), int(found.group(2)), gate)
+        results = evaluate.run(entries, options_of(settings), int(found.group(2)), gate, also=second)
         summary: dict[str, Any] = {
             "manifest": manifest.name,
             "method": settings.method,
             "gated": gate is not None,
+            "also": None if second is None else also,
             "size": size,
             **figures.summary(results),
         }
@@ -67,7 +73,7 @@ def evaluate_command(
 
             path = write_report(report, manifest, results, summary, options_of(settings), int(found.group(2)), gate)
             summary["report"] = str(path)
-    except sets.ManifestError as error:
+    except (sets.ManifestError, PluginError) as error:
         raise _fail(str(error)) from error
     typer.echo(json.dumps(summary) if as_json else "\n".join(_lines(summary)))
 

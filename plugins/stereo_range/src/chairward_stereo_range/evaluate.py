@@ -2,6 +2,7 @@
 
 Distances are depths from the left lens and the region is the thesis' trapezoid, as the truth of the sets is defined;
 sequences with region=corridor are measured as a chair measures: forward from its footprint, in the way it will sweep.
+While driving a second stage of the lane has its vote (beside.py); single pairs are stereo's alone.
 Times are CPU time of this thread, from BGR pair to reading, so that other work on the machine does not spoil them.
 """
 
@@ -13,10 +14,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from chairward.components import Pose
+from chairward.components import Pose, Processor
 from chairward.messages import NOTHING_NEAR_MM
-from chairward.stages import Floats, Image, StereoGeometry
+from chairward.stages import Floats, Image, RectifiedPair, StereoGeometry
 from chairward_stereo_range import manifest
+from chairward_stereo_range.beside import MakeStage, Vote, vote
 from chairward_stereo_range.finder import Measurement, Options, RangeFinder
 from chairward_stereo_range.geometry import make_view, scaled
 from chairward_stereo_range.manifest import Entry
@@ -46,7 +48,10 @@ class PairResult:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One frame of a sequence; truth_mm None where it is not known, infinite where nothing is ahead."""
+    """One frame of a sequence; truth_mm None where it is not known, infinite where nothing is ahead.
+
+    read_mm, can_see: stereo's; beside_mm, beside_sees: the second stage's, in the same measure.
+    """
 
     index: int
     truth_mm: float | None
@@ -54,6 +59,8 @@ class Frame:
     can_see: bool
     reason: str
     seconds: float
+    beside_mm: float = np.inf
+    beside_sees: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,14 +87,18 @@ def run(
     progress: Callable[[Entry], None] = lambda _entry: None,
     keep: Callable[[Entry, Image, Measurement], None] = lambda _entry, _left, _found: None,
     prepare: Callable[[RangeFinder], None] = lambda _finder: None,
+    also: MakeStage | None = None,
 ) -> Results:
-    """Measure every entry. prepare: is given every finder before its first pair. Raises manifest.ManifestError."""
+    """Measure every entry. prepare: is given every finder before its first pair. also: what makes a second stage.
+
+    Raises manifest.ManifestError.
+    """
     results = Results()
     finders: dict[object, RangeFinder] = {}
     for entry in entries:
         progress(entry)
         if entry.kind == "sequence":
-            results.sequences.append(_drive(entry, options, height_px, gate, prepare))
+            results.sequences.append(_drive(entry, options, height_px, gate, prepare, also))
             continue
         left, right, was = manifest.pair(entry.left, entry.right, height_px)
         key = (was, entry.focal_px, entry.baseline_mm, entry.doffs_px, entry.pose, entry.metric)
@@ -133,10 +144,16 @@ def _pair_result(entry: Entry, finder: RangeFinder, found: Measurement, seconds:
 
 
 def _drive(
-    entry: Entry, options: Options, height_px: int, gate: Gate | None, prepare: Callable[[RangeFinder], None]
+    entry: Entry,
+    options: Options,
+    height_px: int,
+    gate: Gate | None,
+    prepare: Callable[[RangeFinder], None],
+    also: MakeStage | None,
 ) -> SequenceResult:
     truth = manifest.sequence_truth(entry)
     tracker: Tracker | None = None
+    beside: Processor | None = None
     fps = float(entry.note.get("fps", "15") or 15)
     frames = []
     pose = entry.pose if entry.pose.z_mm > 0 else _mount(entry, height_px)
@@ -148,12 +165,22 @@ def _drive(
             finder = _finder(entry, was, left, options, pose)
             prepare(finder)
             tracker = Tracker(finder)
+            beside = also(pose) if also is not None and pose.z_mm > 0 else None
         start = time.thread_time()
         mask = None if gate is None else gate(left, right, tracker.finder.view.geometry)
-        step = tracker.step(left, right, int(index * 1e9 / fps), mask=mask)
+        at_ns = int(index * 1e9 / fps)
+        step = tracker.step(left, right, at_ns, mask=mask)
         seconds = time.thread_time() - start
-        read = min(step.ahead_mm if entry.region == "corridor" else step.depth_mm, float(NOTHING_NEAR_MM))
-        frames.append(Frame(index, truth.get(index), read, step.can_see, step.reason, seconds))
+        other = Vote()
+        if beside is not None:
+            geometry = tracker.finder.view.geometry
+            taken = RectifiedPair(left=left, right=right, geometry=geometry, captured_ns=at_ns, seq=index, pose=pose)
+            other = vote(beside, taken, step.measurement, tracker.finder)
+        read, other_mm = step.depth_mm, tracker.depth_mm(other.ahead_mm)
+        if entry.region == "corridor":
+            read, other_mm = step.ahead_mm, other.ahead_mm
+        read = min(read, float(NOTHING_NEAR_MM))
+        frames.append(Frame(index, truth.get(index), read, step.can_see, step.reason, seconds, other_mm, other.can_see))
     return SequenceResult(entry, frames)
 
 

@@ -2,7 +2,8 @@
 
 Definitions: a stop is due when the truth is under 590 mm; the way is clear when it is over 1200 mm (or nothing is
 there). A miss is a stop due with a reading over 600 mm; it is unflagged when the sensor also said that it can see.
-Sequences are driven as the arbiter would: the nearest of the last three readings stops, any blind one stops too.
+Sequences are driven as the arbiter would: the nearest of the last three readings stops, any blind one stops too, and
+every stage of the lane has its vote. Errors are of stereo's readings.
 """
 
 from __future__ import annotations
@@ -92,12 +93,12 @@ class Drive:
     metres: float
 
 
-def drive(result: SequenceResult) -> Drive:
+def drive(result: SequenceResult, alone: bool = False) -> Drive:
     """Drive as the arbiter would, with the nearest of the last three readings; a blind frame stops as well.
 
     An approach ends with a truth under 590 mm; a passage never comes within 690 mm of anything. The stop counts from
     where it was given; one with the nearest thing farther than 690 mm (15 % over 600) has no cause. Going on needs
-    three clear readings.
+    three clear readings. alone: by stereo's readings alone.
     """
     frames = result.frames
     speed = float(result.entry.note.get("speed_mm_s", "0") or 0)
@@ -110,8 +111,8 @@ def drive(result: SequenceResult) -> Drive:
     false = blind = 0
     for i, frame in enumerate(frames):
         window = frames[max(0, i - WINDOW + 1) : i + 1]
-        near = min(f.read_mm for f in window) <= STOP_MM
-        dark = not all(f.can_see for f in window)
+        near = min(f.read_mm if alone else min(f.read_mm, f.beside_mm) for f in window) <= STOP_MM
+        dark = not all(f.can_see and (alone or f.beside_sees) for f in window)
         now = "near" if near else "blind" if dark else ""
         caused = frame.truth_mm is not None and frame.truth_mm <= CAUSE_MM
         if now and caused and stop_at is None:
@@ -131,8 +132,15 @@ def drive(result: SequenceResult) -> Drive:
 
 
 def sequence(results: Sequence[SequenceResult]) -> dict[str, object]:
-    """Approaches, where they were stopped, stops without a cause, passages, and errors below 1.1 m."""
-    drives = [drive(r) for r in results]
+    """Approaches, where they were stopped, stops without a cause, passages, and errors below 1.1 m.
+
+    stereo_alone: the same without the votes of a second stage.
+    """
+    return {**_sequence(results, False), "stereo_alone": _sequence(results, True)}
+
+
+def _sequence(results: Sequence[SequenceResult], alone: bool) -> dict[str, object]:
+    drives = [drive(r, alone) for r in results]
     approaches = [d for d in drives if d.approach]
     passages = [d for d in drives if d.passage]
     stops = [d.stop_at_mm for d in approaches if d.stop_at_mm is not None]

@@ -3,7 +3,8 @@
 Columns used: name, kind (stereo_gt, synthetic, sequence; others are skipped), left, right, gt, gt_format, baseline_mm,
 focal_px, doffs, nearest_in_roi_mm, source, note. Paths are relative to the CSV. `note` holds words like mount=A, or
 z_mm=520 pitch_deg=8 roll_deg=0 where the mount is neither A nor B. A sequence with region=corridor has the forward
-distance to the nearest thing in the chair's way as its truth, instead of a depth in the thesis' trapezoid.
+distance to the nearest thing in the chair's way as its truth, instead of a depth in the thesis' trapezoid. So has a
+drive at something low that tells its speed and the distance at the start (D, mm on the floor): it goes under the view.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ MOUNTS = {"A": Pose(z_mm=400.0, pitch_deg=0.0), "B": Pose(z_mm=700.0, pitch_deg=
 """The two camera mounts of the sets: height above the floor and downward pitch."""
 HARD = frozenset({"glass", "mirror", "cable", "low_box", "drop"})
 """Reported apart: nothing to match on (glass, mirror), nearly on the floor, or no floor at all."""
+LOW = frozenset({"cable", "low_box", "drop"})
+"""What goes under the camera's view while it is still ahead."""
 NEAREST_RANK = 75
 """Truth is the depth of this nearest non-floor pixel of the region (the thesis counts 75 pixels, too)."""
 NOMINAL_SEARCH_PX = 64
@@ -77,7 +80,13 @@ class Entry:
     @property
     def region(self) -> RegionKind:
         """Where its truth was looked for."""
-        return "corridor" if self.note.get("region") == "corridor" else "trapezoid"
+        return "corridor" if self.note.get("region") == "corridor" or self.is_told_by_its_start else "trapezoid"
+
+    @property
+    def is_told_by_its_start(self) -> bool:
+        """A drive at something low that tells how far it is at first, and no truth of its frames but pictures."""
+        pictures = self.kind == "sequence" and self.gt is not None and self.gt.suffix != ".csv"
+        return pictures and self.obstacle in LOW and {"D", "speed_mm_s"} <= self.note.keys()
 
     def geometry(self, width_px: int, height_px: int) -> StereoGeometry:
         """Of the set's own pictures, principal point in the middle."""
@@ -206,6 +215,9 @@ def sequence_truth(entry: Entry) -> dict[int, float]:
         with entry.gt.open(newline="", encoding="utf-8") as file:
             rows = list(csv.reader(file))
         return {int(row[0]): float(row[1]) for row in rows[1:] if len(row) > 1 and row[1]}
+    if entry.is_told_by_its_start:
+        step_mm = float(entry.note["speed_mm_s"]) / float(entry.note.get("fps", "15") or 15)
+        return {index: float(entry.note["D"]) - index * step_mm for index, _, _ in numbered(entry)}
     ids = entry.note.get("id", "")
     root = Path(str(entry.gt)).parent.parent
     found: dict[int, float] = {}

@@ -2,8 +2,9 @@
 
 A low thing (a box, a cable's bulge, the edge of a step) leaves the picture at its bottom while the chair drives on. It
 is still there: it is carried towards the chair by the floor odometry until the chair has passed it, or until the chair
-has backed off or turned so far that its place is seen again or no longer ahead. Without odometry it stays where it was:
-caution, not a guess.
+has backed off or turned so far that its place is seen again or no longer ahead. Where the floor falls
+silent, it goes on at the pace at which it came, up to the chair: a box does not wait where it was seen last. What the
+floor never confirmed to come nearer stays where it was: caution, not a guess.
 """
 
 from __future__ import annotations
@@ -24,6 +25,11 @@ UNDER_MM = 80.0
 BACKED_MM = 250.0
 TURNED_MM = 640.0
 """The floor ahead has gone sideways by the chair's width: the chair faces another way."""
+BLIND_PICTURES = 120
+"""So long the pace at which a thing came stands in for a floor that does not tell: by then the chair stands, and the
+guard remembers why (its rule 6)."""
+TOLD_SHARE = 0.5
+"""In so many of the pictures of its approach the floor must have told, or the thing stays where it was."""
 SEEN_TIMES = 4
 CAME_MM = 100.0
 """A thing is remembered only after this many frames and this much approach: noise of the floor does not approach."""
@@ -60,7 +66,7 @@ class Memory:
         self._edge, self._length = gone_below_mm, length_mm
         self._track: deque[Seen] = deque(maxlen=30)
         self._held_mm: float | None = None
-        self._pace_mm: float | None = None
+        self._pace_mm, self._is_edge, self._untold = 0.0, False, 0
         self._sideways_mm = 0.0
         self._driven: deque[tuple[float, float]] = deque(maxlen=30)
 
@@ -69,10 +75,12 @@ class Memory:
         if self._held_mm is not None:
             self._held_mm -= self._carried(self._held_mm, driven_mm)
             self._sideways_mm += sideways_mm
+            self._untold = self._untold + 1 if driven_mm is None else 0
             passed = self._held_mm < -self._length
             in_view_again = self._held_mm > self._edge + BACKED_MM
             turned_away = abs(self._sideways_mm) > TURNED_MM
-            if passed or in_view_again or turned_away or self._backing_from(seen, driven_mm):
+            too_long = self._untold > BLIND_PICTURES and not self._is_edge
+            if passed or in_view_again or turned_away or too_long or self._backing_from(seen, driven_mm):
                 self._held_mm = None
         self._driven.append((seen.time_s, driven_mm if driven_mm is not None else np.nan))
         last = self._track[-1] if self._track else None
@@ -81,7 +89,10 @@ class Memory:
         self._track.append(seen)
         if seen.ahead_mm is not None and self._going_under(seen):
             if self._held_mm is None:
-                self._pace_mm, self._sideways_mm = (self._pace(seen) if seen.top_mm <= 0.0 else None), 0.0
+                self._is_edge, self._untold, self._sideways_mm = seen.top_mm <= 0.0, 0, 0.0
+                told = self._told(self._track[0], seen)
+                confirmed = np.isfinite(told).sum() >= TOLD_SHARE * len(told)
+                self._pace_mm = self._pace(seen) if self._is_edge or confirmed else 0.0
             self._held_mm = seen.ahead_mm if self._held_mm is None else min(seen.ahead_mm, self._held_mm)
         if self._held_mm is not None and (seen.ahead_mm is None or self._held_mm < seen.ahead_mm):
             return Remembered(max(self._held_mm, 0.0), 0.0, True)
@@ -94,10 +105,10 @@ class Memory:
         return driven_mm < -2.0 and abs(seen.ahead_mm - self._held_mm) < UNDER_MM
 
     def _carried(self, held_mm: float, driven_mm: float | None) -> float:
-        """How far the held thing came nearer: where nothing tells that the chair moves, an edge up to the chair."""
+        """How far the held thing came nearer: where the floor does not tell, at its pace and up to the chair."""
         if driven_mm is None:
-            return max(min(self._pace_mm, held_mm), 0.0) if self._pace_mm is not None else 0.0
-        return driven_mm if self._pace_mm is None else carried_mm(driven_mm, self._pace_mm)
+            return max(min(self._pace_mm, held_mm), 0.0)
+        return carried_mm(driven_mm, self._pace_mm) if self._is_edge else driven_mm
 
     def _pace(self, seen: Seen) -> float:
         """mm a frame lately, on the fast side: what the floor told, or by how much the thing itself came nearer.
@@ -119,9 +130,13 @@ class Memory:
         if sum(s.top_mm <= LOW_MM for s in self._track) < LOW_SHARE * len(self._track):
             return False
         came = first.ahead_mm - seen.ahead_mm
-        driven = [mm for t, mm in self._driven if first.time_s < t <= seen.time_s]
+        driven = self._told(first, seen)
         known = driven and not np.isnan(driven).any()
         return came >= CAME_MM and (not known or abs(came - sum(driven)) <= 40.0 + 0.4 * came)
+
+    def _told(self, first: Seen, last: Seen) -> list[float]:
+        """What the floor told in each picture between two sightings, mm; NaN: nothing."""
+        return [mm for t, mm in self._driven if first.time_s < t <= last.time_s]
 
     @staticmethod
     def _jumped(last: Seen, seen: Seen) -> bool:

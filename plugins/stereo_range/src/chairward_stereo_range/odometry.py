@@ -13,12 +13,17 @@ import numpy as np
 from chairward.stages import Floats, Image
 from chairward_stereo_range.geometry import View
 from chairward_stereo_range.opencv import opencv
+from chairward_stereo_range.region import Bools
 
 CELL_MM = 10.0
 CELLS = 64
 MIN_RESPONSE = 0.15
 MAX_SHIFT_MM = 200.0
 MIN_STD = 2.0
+AROUND = np.ones((5, 5), np.uint8)
+"""So many cells about what stands up do not count either."""
+MOST_RAISED = 0.6
+"""With more of the patch standing up there is too little floor to tell."""
 MEDIAN_OF = 3
 
 
@@ -56,16 +61,22 @@ class FloorOdometry:
         self._window: Floats = cv2.createHanningWindow((CELLS, CELLS), cv2.CV_32F)
         self._last: Floats | None = None
 
-    def step(self, left: Image) -> tuple[float, float] | None:
+    def step(self, left: Image, obstacle: Bools) -> tuple[float, float] | None:
         """(forward, sideways) mm since the last picture (h x w x 3 BGR); None when the floor does not tell.
+
+        obstacle: h x w, what stands up: it seems to move faster than the floor, and does not count.
 
         sideways is how far the floor ahead went to the side: by sliding (never) or by turning.
         """
         cv2 = opencv()
         seen = cv2.cvtColor(cv2.remap(left, self._x, self._y, cv2.INTER_LINEAR), cv2.COLOR_BGR2GRAY)
         patch: Floats = seen.astype(np.float32)
+        raised = cv2.dilate(cv2.remap(obstacle.view(np.uint8), self._x, self._y, cv2.INTER_NEAREST), AROUND) > 0
+        share = float(raised.mean())
+        if share > 0:
+            patch[raised] = patch[~raised].mean() if share < 1.0 else 0.0
         last, self._last = self._last, patch
-        if last is None or float(patch.std()) < MIN_STD:
+        if last is None or share > MOST_RAISED or float(patch.std()) < MIN_STD:
             return None
         (dx, dy), response = cv2.phaseCorrelate(last, patch, self._window)
         forward, sideways = float(dy) * CELL_MM, float(dx) * CELL_MM

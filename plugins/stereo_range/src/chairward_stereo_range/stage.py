@@ -22,7 +22,7 @@ from chairward.stages import (
     StereoGeometry,
 )
 from chairward_stereo_range import calibration_file, panes
-from chairward_stereo_range.finder import Options, RangeFinder, reported_mm
+from chairward_stereo_range.finder import Measurement, Options, RangeFinder, reported_mm
 from chairward_stereo_range.geometry import make_view, scaled, working_size
 from chairward_stereo_range.opencv import opencv
 from chairward_stereo_range.own_mount import OwnMount, recording
@@ -82,16 +82,7 @@ class StereoRange:
             pair.left, pair.right, frame.captured_ns, frame.skew_ns, None if mask is None else mask.mask
         )
         found = step.measurement
-        bench.put(pair)
-        bench.put(DisparityMap(disparity_px=found.disparity, geometry=pair.geometry, captured_ns=frame.captured_ns))
-        bench.put(
-            FloorMap(
-                floor=found.floor,
-                obstacle=found.obstacle,
-                horizon_row=tracker.finder.horizon_row,
-                captured_ns=frame.captured_ns,
-            )
-        )
+        lay_out(bench, pair, found, tracker.finder)
         reading = self._reading(frame, step)
         if self._settings.panes:
             for name, picture in panes.draw(pair.left, pair.right, found, tracker.finder, self._context.stop_mm):
@@ -159,6 +150,14 @@ class StereoRange:
             confidence=0.0,
             reason=reason[:200],
         )
+
+
+def lay_out(bench: Bench, pair: RectifiedPair, found: Measurement, finder: RangeFinder) -> None:
+    """Lay on the bench what the stages behind this one go by."""
+    at_ns = pair.captured_ns
+    bench.put(pair)
+    bench.put(DisparityMap(disparity_px=found.disparity, geometry=pair.geometry, captured_ns=at_ns))
+    bench.put(FloorMap(floor=found.floor, obstacle=found.obstacle, horizon_row=finder.horizon_row, captured_ns=at_ns))
 
 
 def _unfit(frame: StereoFrame) -> str:

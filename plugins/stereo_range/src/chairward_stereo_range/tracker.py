@@ -62,7 +62,11 @@ class Tracker:
         if self._plain:
             return _single(found)
         fault = self._faults.check(left, right, skew_ns)
-        moved = self._steady.step(self._odometry.step(left)) if self._odometry is not None and not fault else None
+        moved = (
+            self._steady.step(self._odometry.step(left, found.obstacle))
+            if self._odometry is not None and not fault
+            else None
+        )
         driven, sideways = moved if moved is not None else (None, 0.0)
         drop = self._drop(None if fault else found.drop, captured_ns / 1e9, driven)
         nearest = None if fault else min((s for s in (found.ahead, drop) if s), key=lambda s: s.ahead_mm, default=None)
@@ -79,10 +83,10 @@ class Tracker:
         gone_mm = self._leaving.step(edge, driven, sideways)
         if gone_mm is not None and (kept.ahead_mm is None or gone_mm < kept.ahead_mm):
             reason = fault or found.reason or "a thing has gone out of view"
-            return Tracked(found, gone_mm, self._depth(gone_mm), can_see, reason, 0.0, driven)
+            return Tracked(found, gone_mm, self.depth_mm(gone_mm), can_see, reason, 0.0, driven)
         if kept.from_memory and kept.ahead_mm is not None:
             reason = fault or found.reason or "a low thing has gone under the view"
-            return Tracked(found, kept.ahead_mm, self._depth(kept.ahead_mm), can_see, reason, 0.0, driven)
+            return Tracked(found, kept.ahead_mm, self.depth_mm(kept.ahead_mm), can_see, reason, 0.0, driven)
         return Tracked(
             found,
             ahead_mm,
@@ -102,9 +106,9 @@ class Tracker:
         if seen is not None and seen.ahead_mm == ahead_mm:
             return seen
         view = self.finder.view
-        return Spot(self._depth(ahead_mm), ahead_mm, view.geometry.height_px - 1, view.geometry.width_px // 2, 0, 0.0)
+        return Spot(self.depth_mm(ahead_mm), ahead_mm, view.geometry.height_px - 1, view.geometry.width_px // 2, 0, 0.0)
 
-    def _depth(self, ahead_mm: float) -> float:
+    def depth_mm(self, ahead_mm: float) -> float:
         """Depth of a floor point that is ahead_mm before the footprint, straight ahead."""
         p = self.finder.view.pose
         lens = ahead_mm - self.finder.view.ahead_offset_mm()
