@@ -183,7 +183,7 @@ class RangeFinder:
         sides_seen = tuple(
             bool(np.count_nonzero(k) >= enough) for k in (known[:, :third], known[:, d.shape[1] - third :])
         )
-        coverage = float(np.count_nonzero(known & region)) / max(1, np.count_nonzero(region))
+        coverage = float(np.count_nonzero(known & region)) / max(1, int(np.count_nonzero(region)))
         hidden = hidden_distance_mm(match, full, above, self.region, v, self.scale)
         reason, unstopped = "", ahead is None or ahead.depth_mm > o.stop_mm
         if coverage < o.min_coverage:

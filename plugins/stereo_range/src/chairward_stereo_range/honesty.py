@@ -126,7 +126,7 @@ def repeats(
     if k > 1:  # a pattern that could be mistaken is as large as at 240 rows
         low, unsure = (m[: m.shape[0] // k * k : k, : m.shape[1] // k * k : k] for m in (low, unsure))
         small = np.asarray(opencv().resize(small, low.shape[::-1], interpolation=opencv().INTER_AREA), np.uint8)
-    many = REPEATING_SHARE * max(1, np.count_nonzero(low))
+    many = REPEATING_SHARE * max(1, int(np.count_nonzero(low)))
     if np.count_nonzero(unsure) <= many:
         return False
     return bool(np.count_nonzero(periodic(small, count // 2 // max(1, k), match.sigma) & unsure) > many)
