@@ -222,7 +222,10 @@ class DriveError(Exception):
 
 
 class Observer(Protocol):
-    """Gets a copy of every record; runs in a process of its own and can never hold the guard up."""
+    """Gets a copy of every record; runs in a process of its own and can never hold the guard up.
+
+    If it dies it is started again in the same run, without the records of meanwhile: it must write over nothing.
+    """
 
     def observe(self, record: bytes) -> None:
         """One encoded `chairward.records.Record`."""
