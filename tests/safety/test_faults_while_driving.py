@@ -66,10 +66,10 @@ def test_a_guard_that_is_stopped_leaves_the_stop_to_the_watchdog_and_does_not_sa
 ) -> None:
     with running(load(tmp_path), tmp_path / "run") as rig:
         pid = rig.pid("guard")
+        (rig.run_dir / "no-arm").touch()  # before, or RESET and ARM would wait in its line
         os.kill(pid, signal.SIGSTOP)
         try:
             pins_off_within(rig, WATCHDOG_S + BUSY_MACHINE_S)
-            (rig.run_dir / "no-arm").touch()
         finally:
             continued_ns = time.monotonic_ns()  # before: its first decision comes at once
             os.kill(pid, signal.SIGCONT)

@@ -31,8 +31,8 @@ class CitizenSettings(Settings):
 
     ahead_mm: int = Field(default=4000, description="what a range citizen sees")
     period_ms: int = Field(default=33, description="between two messages")
-    word_ms: int = Field(default=2000, description="between two words of a voice citizen")
-    press_ms: int = Field(default=500, description="between two presses of a panel citizen")
+    word_ms: int = Field(default=500, description="between two words of a voice citizen")
+    press_ms: int = Field(default=150, description="between two presses of a panel citizen")
 
 
 class Citizen:
