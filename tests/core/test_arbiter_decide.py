@@ -11,7 +11,7 @@ from chairward import records
 from chairward.arbiter import decide, ramp
 from chairward.components import STILL, Motion
 from chairward.envelope import Caps
-from chairward.facts import MS, Facts, Limits, Near, Pressed, SourceLimits, State
+from chairward.facts import MS, Facts, Limits, Pressed, SourceLimits, State
 from chairward.messages import Button, Command, Way
 from chairward.scene import look
 from chairward.testing.ride import FRONT, PANEL, START_NS, Ride, chair_limits, driving, healthy, readings, recorded
@@ -288,21 +288,3 @@ def test_the_way_back_opens_when_the_chair_is_reported_to_stand(reported: float,
     drive = replace(healthy(LIMITS).drive, speed_mm_s=reported)
     scene = look(healthy(LIMITS, drive=drive), driving(), LIMITS)
     assert ramp(STILL, Motion(asked, 0.0), 0.02, scene) == Motion(given, 0.0)
-
-
-def test_reset_forgets_what_had_vanished_and_a_press_that_changes_nothing_says_nothing() -> None:
-    near = {FRONT: Near(distance_mm=700, seen_ns=1, gone=True)}
-    pressed = (Pressed(source=PANEL, button=Button.RESET, at_ns=START_NS),)
-    standing = driving(wish=None, near=near)
-    after, decision = decide(standing, healthy(LIMITS, pressed=pressed), LIMITS)
-    assert after.near == {}
-    assert decision.notes == ()
-    assert after.armed
-    assert not decision.hard_stop
-
-
-def test_of_several_faults_the_one_of_the_first_rule_is_told() -> None:
-    facts = healthy(LIMITS)
-    facts = replace(facts, gap_ns=1_000 * MS, drive=replace(facts.drive, linked=False, fault="unplugged"))
-    after, _ = decide(driving(), facts, LIMITS)
-    assert after.latch == "drive: unplugged"

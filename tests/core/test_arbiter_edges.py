@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from math import inf
 
-import msgspec
 import pytest
+from msgspec.structs import replace
 
 from chairward.arbiter import decide, instruct, ramp, steer
 from chairward.components import STILL, Motion
 from chairward.envelope import OPEN, Caps
-from chairward.facts import Decision, Limits, Pressed, State
+from chairward.facts import MS, Decision, Limits, Near, Pressed, State
 from chairward.messages import Button, Command, Way
 from chairward.scene import Seen, look
 from chairward.testing.ride import FRONT, PANEL, START_NS, Ride, chair_limits, driving, healthy, readings
@@ -25,7 +25,7 @@ def near(state: State, limits: Limits = LIMITS, **said: int | None) -> Decision:
 
 def pressed(*buttons: Button, state: State = STANDING, heard: Command | None = None, **drive: float) -> Decision:
     presses = tuple(Pressed(source=PANEL, button=one, at_ns=START_NS) for one in buttons)
-    status = msgspec.structs.replace(healthy(LIMITS).drive, armed=False, **drive)
+    status = replace(healthy(LIMITS).drive, armed=False, **drive)
     words = (Ride().wish(heard),) if heard else ()
     return decide(state, healthy(LIMITS, pressed=presses, heard=words, drive=status), LIMITS)[1]
 
@@ -88,13 +88,13 @@ def test_steering_needs_a_way_ahead_however_slow() -> None:
 def test_a_reversal_goes_through_standstill_however_slow_it_is(
     reported: float, was: float, asked: float, given: float
 ) -> None:
-    drive = msgspec.structs.replace(healthy(LIMITS).drive, speed_mm_s=reported)
+    drive = replace(healthy(LIMITS).drive, speed_mm_s=reported)
     scene = look(healthy(LIMITS, drive=drive), driving(), LIMITS)
     assert ramp(Motion(was, 0.0), Motion(asked, 0.0), 0.02, scene).drive_mm_s == given
 
 
 def test_a_turn_on_the_spot_need_not_wait_until_the_chair_stands() -> None:
-    drive = msgspec.structs.replace(healthy(LIMITS).drive, speed_mm_s=150.0)
+    drive = replace(healthy(LIMITS).drive, speed_mm_s=150.0)
     scene = look(healthy(LIMITS, drive=drive), driving(), LIMITS)
     assert ramp(STILL, Motion(0.0, 20.0), 0.02, scene).turn_deg_s > 0.0
 
@@ -128,3 +128,21 @@ def test_a_side_without_a_reading_is_unknown_whoever_made_the_infinity(side: str
     unknown = Seen(FRONT, 700.0, inf, 100.0, 100.0, 0, 0, "")._replace(**{side: float("inf")})
     told = instruct(driving(), scene._replace(seen=(unknown,)), OPEN, 700.0)
     assert told == ("Turn slightly right" if side == "left_mm" else "Turn slightly left")
+
+
+def test_reset_forgets_what_had_vanished_and_a_press_that_changes_nothing_says_nothing() -> None:
+    near = {FRONT: Near(distance_mm=700, seen_ns=1, gone=True)}
+    pressed = (Pressed(source=PANEL, button=Button.RESET, at_ns=START_NS),)
+    standing = driving(wish=None, near=near)
+    after, decision = decide(standing, healthy(LIMITS, pressed=pressed), LIMITS)
+    assert after.near == {}
+    assert decision.notes == ()
+    assert after.armed
+    assert not decision.hard_stop
+
+
+def test_of_several_faults_the_one_of_the_first_rule_is_told() -> None:
+    facts = healthy(LIMITS)
+    facts = replace(facts, gap_ns=1_000 * MS, drive=replace(facts.drive, linked=False, fault="unplugged"))
+    after, _ = decide(driving(), facts, LIMITS)
+    assert after.latch == "drive: unplugged"
