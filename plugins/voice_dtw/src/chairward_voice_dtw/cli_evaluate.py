@@ -22,10 +22,13 @@ def evaluate(
     stop_word: StopWord = "stop",
     seed: Annotated[int, typer.Option("--seed", min=0, help="of places, noises and levels")] = 1,
     threshold: Annotated[
-        float | None, typer.Option("--threshold", help="log-odds a word needs; else each mode of listening its own")
+        float | None,
+        typer.Option(
+            "--threshold", min=-5.0, max=20.0, help="log-odds a word needs; else each mode of listening its own"
+        ),
     ] = None,
     stop_threshold: Annotated[
-        float, typer.Option("--stop-threshold", help="log-odds the stop word needs")
+        float, typer.Option("--stop-threshold", min=-20.0, max=5.0, help="log-odds the stop word needs")
     ] = VoiceSettings().stop_threshold,
     processes: Annotated[int, typer.Option("--processes", min=0, help="0: up to two")] = 0,
     embedding: Annotated[

@@ -22,7 +22,7 @@ from chairward_voice_dtw.thesis import RECORDING, Mode, ThesisMatcher
 NEVER = -1e9
 """Score of what cannot be a word."""
 SAME_SOUND_S = 0.12
-"""Less than this two words may overlap and still be two sounds: bounds are that sure."""
+"""Two words may overlap by less than this and still be two sounds: bounds are that sure."""
 LEAST_VOICED = 0.01
 """A sound without one frame that webrtcvad takes for speech moves nothing (0.2 % of real words are such)."""
 
