@@ -16,7 +16,8 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "tests" / "safety"), str(ROOT / "tests" / "safety" / "zoo")]
 
-from rig import CHAIR, MS, Rig, chairward_run, controller, load, off_since, outside, running  # noqa: E402
+from rig import CHAIR, MS, Rig, controller, load, off_since, outside, running  # noqa: E402
+from typed_run import chairward_run  # noqa: E402
 
 from chairward import processes  # noqa: E402
 from chairward.components import STILL, Motion  # noqa: E402

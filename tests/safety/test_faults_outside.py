@@ -9,7 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from rig import chairward_run, controller, duty, load, outside, processes_of, running
+from rig import controller, duty, load, outside, running
+from typed_run import chairward_run, processes_of
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(150)]
 
