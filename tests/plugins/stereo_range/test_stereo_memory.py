@@ -69,6 +69,15 @@ def test_where_the_floor_does_not_tell_a_low_thing_comes_on_at_its_pace_and_is_l
     assert told[-1] is None
 
 
+def test_what_the_floor_never_confirmed_to_come_nearer_stays_where_it_was() -> None:
+    memory = Memory(1000.0, 900.0)
+    for i in range(20):
+        last_mm = 1800.0 - 40.0 * i
+        memory.step(Seen(i * DT_S, last_mm, 120.0), None)
+    told = [memory.step(Seen((20 + k) * DT_S, None, 0.0), None).ahead_mm for k in range(2 * BLIND_PICTURES)]
+    assert told == [last_mm] * len(told)
+
+
 def test_backing_off_until_its_place_is_seen_again_forgets() -> None:
     memory = Memory(1000.0, 900.0)
     i, _ = approach(memory, 1800.0, 33.0, 1000.0)

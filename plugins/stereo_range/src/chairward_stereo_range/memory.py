@@ -79,7 +79,7 @@ class Memory:
             passed = self._held_mm < -self._length
             in_view_again = self._held_mm > self._edge + BACKED_MM
             turned_away = abs(self._sideways_mm) > TURNED_MM
-            too_long = self._untold > BLIND_PICTURES and not self._is_edge
+            too_long = self._untold > BLIND_PICTURES and self._pace_mm > 0.0 and not self._is_edge
             if passed or in_view_again or turned_away or too_long or self._backing_from(seen, driven_mm):
                 self._held_mm = None
         self._driven.append((seen.time_s, driven_mm if driven_mm is not None else np.nan))
