@@ -17,13 +17,14 @@ import pytest
 from msgspec.structs import replace
 from websockets.sync.client import ClientConnection, connect
 
-from chairward import arbiter, frames, plan, profile, records, wire
+from chairward import frames, plan, profile, records, wire
 from chairward.components import Context
 from chairward.facts import MS, Facts, Limits, SourceLimits, State
 from chairward.messages import Alive, DriveStatus, Message, RangeReading, Way
 from chairward.plan import Plan
 from chairward.plugins import discover
 from chairward.stages import Pane
+from chairward.testing.ride import recorded
 from chairward_dashboard.settings import DashboardSettings
 from chairward_dashboard.source import Dashboard
 
@@ -81,21 +82,9 @@ class Chair:
     def decide(self, ahead_mm: int = 2_000, **changes: Any) -> records.Record:
         """One decision of the real arbiter, published as the guard does."""
         now_ns = time.monotonic_ns()
-        facts = facts_now(ahead_mm, now_ns, **changes)
-        after, decision = arbiter.decide(self.state, facts, LIMITS)
         self.tick += 1
-        record = records.Record(
-            tick=self.tick,
-            due_ns=now_ns,
-            woke_ns=now_ns,
-            wrote_ns=now_ns,
-            periodic=True,
-            before=self.state,
-            facts=facts,
-            after=after,
-            decision=decision,
-        )
-        self.state = after
+        record = recorded(self.tick, self.state, facts_now(ahead_mm, now_ns, **changes), LIMITS)
+        self.state = record.after
         wire.send(self.records, records.encode(record))
         return record
 

@@ -12,10 +12,10 @@ from chairward.components import Bench, Component, Footprint, NoSettings, Pose
 from chairward.facts import MS, SourceLimits
 from chairward.hookspecs import hookimpl
 from chairward.messages import Alive, Command, Intent, Message, RangeReading
-from chairward.plan import ChairKind, LanePlan, Part, Plan
+from chairward.plan import LanePlan, Part, Plan
 from chairward.plugins import discover
 from chairward.stages import AudioBlock, StereoFrame
-from chairward.testing.ride import AHEAD_AND_SIDES, chair_limits
+from chairward.testing.ride import AHEAD_AND_SIDES, chair_limits, chair_plan
 from chairward_simulator.ride import ride
 
 WALL_SEEN_AFTER_FRAMES = 70
@@ -71,18 +71,9 @@ class Stages:
 def plan(footprint: Footprint) -> Plan:
     names = {"front/seer": SourceLimits(freshness_ns=200 * MS, covers=AHEAD_AND_SIDES)}
     ears = {"voice/listener": SourceLimits(freshness_ns=400 * MS)}
-    return Plan(
-        chair="tiny",
-        chair_file="tiny.toml",
-        kind=ChairKind.SIMULATOR,
-        person="nobody",
-        person_file="nobody.toml",
-        person_dir="",
-        language="en",
-        words={},
+    return chair_plan(
         footprint=footprint,
         limits=chair_limits(sensors=names, recognizers=ears),
-        drive=Part(component="none"),
         lanes=(
             LanePlan(
                 name="front",
@@ -110,5 +101,5 @@ def test_words_said_in_the_world_move_it_through_the_real_rules_until_a_sensor_o
 
 
 def test_a_chair_without_simulated_lanes_is_refused_by_name(plan, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"tiny\.toml: no lane has source = 'sim_cameras'"):
+    with pytest.raises(ValueError, match=r"t\.toml: no lane has source = 'sim_cameras'"):
         list(ride(replace(plan, lanes=plan.lanes[1:]), discover((), {"stages": Stages()}), tmp_path, 1.0))

@@ -65,7 +65,7 @@ def build(home: Home) -> Scene:
                 face(floor.name, (ax, ay, floor.z), along, length, UP, -floor.z, floor.texture)
     for box in [*home.box, *(wall_as_box(wall, home.ceiling_mm) for wall in home.wall)]:
         _box_faces(box, face)
-    scene.faces = np.array(rows, dtype=np.float64)
+    scene.faces = np.array(rows, dtype=np.float64).reshape(-1, render.FACE_COLUMNS)
     scene.cylinders = np.array(
         [
             [*c.at, c.radius, c.bottom, c.bottom + c.height, textures.index_of(c.texture), 0.0, 0, _id(scene, c.name)]

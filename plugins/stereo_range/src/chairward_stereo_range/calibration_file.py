@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from chairward.stages import Image, StereoGeometry
@@ -15,7 +14,6 @@ from chairward_stereo_range.opencv import opencv
 
 Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 Matrix3 = Annotated[list[Vector3], Field(min_length=3, max_length=3)]
-Floats64 = npt.NDArray[np.float64]
 
 
 class CalibrationError(ValueError):

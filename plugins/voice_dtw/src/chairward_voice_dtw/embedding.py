@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from chairward_voice_dtw.audio import RATE_HZ, Floats
+from chairward_voice_dtw.audio import Floats
 from chairward_voice_dtw.frontend import FFT, WINDOW, MelStream
 from chairward_voice_dtw.jit import jit
 from chairward_voice_dtw.onnx_file import read_arrays
@@ -184,8 +184,3 @@ class EmbeddingStream:
 def window_end(t: int) -> int:
     """The last frame (10 ms each, of the stream) that embedding t sees."""
     return STEP * t + STEP - 1
-
-
-def seconds_of(frame: int) -> float:
-    """Second of the stream at which a frame's last sample lies."""
-    return (frame * RATE_HZ // 100 + WINDOW) / RATE_HZ
