@@ -80,10 +80,15 @@ class DriveLine:
         self._follow()
 
     def stop(self, now_ns: int) -> int:
-        """No motion, ahead of the decision that will say so. When it was told, ns; 0 where it stood already."""
+        """No motion, ahead of the decision that will say so.
+
+        Returns when the drive had been told, ns (CLOCK_MONOTONIC); 0 where it already was, or failed.
+        """
         if self.motion == STILL:
             return 0
         self._tell(lambda: self._drive.command(now_ns, STILL))
+        if self._fault:
+            return 0
         told_ns = time.monotonic_ns()
         self.motion, self.hard = STILL, False
         self._follow()

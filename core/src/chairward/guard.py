@@ -206,7 +206,7 @@ class Guard:
         if time.monotonic_ns() - now > self.limits.gap_limit_ns:
             motion, hard = STILL, True  # stopped between deciding and writing; the next decision latches the gap
         self.drive.command(now, motion, decision, hard=hard, periodic=periodic)
-        wrote_ns = stopped_ns or time.monotonic_ns()
+        wrote_ns = stopped_ns if stopped_ns and not hard else time.monotonic_ns()
         self.state = after
         self._publish(now, due, wrote_ns, before, facts, after, decision, periodic=periodic)
         self.tick += 1

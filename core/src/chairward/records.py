@@ -12,8 +12,8 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
     """A decision with its whole cause.
 
     tick: the guard's count of decisions. due_ns, woke_ns: when the tick was due and when the guard was awake
-    (equal for a decision that a message brought about). wrote_ns: when the drive had been told, by the reflex or by
-    the decision.
+    (equal for a decision that a message brought about). wrote_ns: when the drive had been told: by the reflex,
+    unless the decision had more to say (a hard stop).
     before, facts, after, decision: decide(before, facts, limits) == (after, decision).
     told, told_hard: what the drive was last told, after this decision: not the decision's own motion where a rise
     waits for the tick, or where the decision came too late and the guard said STILL (None: recorded before 0.2).

@@ -1,7 +1,8 @@
 """The reflex: a reading that leaves only one answer is answered before the reasons are worked out.
 
-`decide` says the same a moment later, with everything that people should know. The law that it always does
-(`chairward.testing.laws.judge`) is what makes this a shorter way to the same stop and not a second opinion.
+What makes it a shorter way to the same stop and not a second opinion: the decision that follows drives neither on nor
+back, a law for every state (`chairward.testing.laws.judge`), and in every state that a drive comes to it says STILL,
+turn included (`tests/safety/test_laws_of_any_drive.py`).
 """
 
 from __future__ import annotations

@@ -130,7 +130,8 @@ def judge(before: State, facts: Facts, limits: Limits) -> tuple[State, Decision]
     stop_wins(facts, after, decision)
     within_what_the_chair_file_allows(facts, limits, decision)
     rises_slowly(before, facts, limits, decision)
-    must(not reflex(before, facts, limits) or not decision.motion.drive_mm_s, "it drives on after the reflex", before)
+    if reflex(before, facts, limits):
+        must(not decision.motion.drive_mm_s, "it drives after the reflex", before, facts, decision)
     must(not decision.arm or decision.motion == STILL, "arming moved the chair", before, facts, decision)
     must(after.output == decision.motion, "the state forgets what was commanded", after, decision)
     must(bool(after.latch) <= (after.wish is None), "a latched chair keeps a wish", after)
