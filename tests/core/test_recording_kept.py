@@ -160,6 +160,15 @@ def test_a_recorder_that_is_started_again_in_a_run_goes_on_with_the_next_part(tm
     assert [[r.tick for r in read(tmp_path / name)] for name in ("r.mcap", "r.2.mcap")] == [[0, 1, 2], [3, 4, 5]]
 
 
+def test_a_recorder_that_dies_again_and_again_does_not_push_out_what_it_has_recorded(tmp_path: Path) -> None:
+    for record in a_drive(6):
+        it = recorder(tmp_path, parts=2)
+        it.observe(records.encode(record))
+        it.close()
+    assert [r.tick for r in read(tmp_path / "r.mcap")] == [0]
+    assert len(list(tmp_path.glob("*.mcap"))) == 6
+
+
 def test_a_disk_that_takes_nothing_is_told_and_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(write, "TRY_AGAIN_S", 0.0)
     (tmp_path / "r.mcap").symlink_to("/dev/full")

@@ -1,4 +1,4 @@
-"""Starting and ending the processes of a run: each in a group of its own, what it says in a log of bounded size."""
+"""Starting and ending the processes of a run: each in a group of its own, what it says in a log file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Process = subprocess.Popen[bytes]
 
 BACK_OFF_S = (0.2, 0.5, 1.0, 2.0, 5.0)
 FORGIVEN_S = 10.0
-"""What has worked this long is started again at once when it dies the next time."""
+"""What has worked this long is started again after the shortest pause when it dies the next time."""
 LOG_BYTES = 1_000_000
 """Of what a process says, the last of so much is kept, and what came after it; small, for it is copied in one go."""
 
@@ -89,13 +89,14 @@ def plain(text: str) -> str:
 
 def last_words(run_dir: Path, name: str) -> str:
     """The last line a process wrote: usually the error that ended it."""
-    path = run_dir / f"{name}.log"
-    if not path.exists():
-        return "it said nothing"
-    with path.open("rb") as log_file:
-        log_file.seek(max(0, path.stat().st_size - 4096))
-        lines = [line.strip() for line in log_file.read().decode(errors="replace").splitlines() if line.strip()]
-    return lines[-1][:300] if lines else "it said nothing"
+    for path in (run_dir / f"{name}.log", run_dir / f"{name}.old.log"):  # the first may just have been cut
+        if path.exists():
+            with path.open("rb") as log_file:
+                log_file.seek(max(0, path.stat().st_size - 4096))
+                lines = [line.strip() for line in log_file.read().decode(errors="replace").splitlines() if line.strip()]
+            if lines:
+                return lines[-1][:300]
+    return "it said nothing"
 
 
 def terminate(process: Process) -> None:

@@ -48,12 +48,17 @@ def start_lane(
 
 
 def start_observer(name: str, run_dir: Path, rings: Mapping[str, int]) -> tuple[Process, socket.socket]:
-    """The observer's process, and the guard's end of its line."""
+    """The observer's process, and the guard's end of its line. Raises OSError."""
     guard_end, its_end = wire.pair(RECORD_BUFFER_BYTES)
     seen = {lane: frames.read_only(fd) for lane, fd in rings.items()}
     options = BesideOptions(str(plan_file(run_dir)), str(run_dir), "observer", name, its_end.fileno(), seen)
-    process = spawn(run_dir, "chairward.beside", options, name, [its_end.fileno(), *seen.values()])
-    _given([its_end], seen)
+    try:
+        process = spawn(run_dir, "chairward.beside", options, name, [its_end.fileno(), *seen.values()])
+    except OSError:
+        guard_end.close()
+        raise
+    finally:
+        _given([its_end], seen)
     return process, guard_end
 
 

@@ -224,7 +224,7 @@ class Supervisor:
         reason = processes.end_of(lane.process, self.run_dir, f"lane-{lane.plan.name}") or lane.trouble(now)
         if not reason or (lane.process.returncode == 0 and self._stop):
             return
-        self._end_and_start_again(f"lane '{lane.plan.name}'", lane, reason, now)
+        self._end_for_a_restart(f"lane '{lane.plan.name}'", lane, reason, now)
         assert self._control is not None
         wire.send_control(self._control, wire.Died(lane.plan.name, reason[:500]))
 
@@ -243,14 +243,18 @@ class Supervisor:
         assert self._control is not None
         if observer.restart_at_s:
             if observer.may_start(now):
-                guard_end = self._start_observer(name)
+                try:
+                    guard_end = self._start_observer(name)
+                except OSError as error:  # no memory or descriptor for it is no reason to end a drive
+                    self._end_for_a_restart(f"observer '{name}'", observer, f"cannot be started: {error}", now)
+                    return
                 wire.send_control(self._control, wire.Observe(), [guard_end.fileno()])
                 guard_end.close()  # if it was not sent, its line is closed now: it ends, and is started again
-        elif reason := processes.end_of(observer.process, self.run_dir, name):
-            self._end_and_start_again(f"observer '{name}'", observer, reason, now)
+        elif not self._stop and (reason := processes.end_of(observer.process, self.run_dir, name)):
+            self._end_for_a_restart(f"observer '{name}'", observer, reason, now)
 
-    def _end_and_start_again(self, who: str, process: Restarted, reason: str, now: float) -> None:
-        pause_s = process.end(now)
+    def _end_for_a_restart(self, who: str, ended: Restarted, reason: str, now: float) -> None:
+        pause_s = ended.end(now)
         self._note(f"{who}: {reason}; starting it again in {pause_s:g} s")
 
     def _note(self, text: str) -> None:

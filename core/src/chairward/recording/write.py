@@ -1,8 +1,9 @@
 """The recorder: every decision in MCAP files of bounded size.
 
-An observer like any other, in a process of its own, so it can never hold the guard up; what it missed is in the
-records themselves (`missed`), in the log of the recording and in the summary of the run. A thread ends the chunk and
-has it written to the disk twice a second: a power cut loses at most the last second.
+An observer like any other, in a process of its own, so it can never hold the guard up; what it missed while it lived is
+in the records themselves (`missed`), in the log of the recording and in the summary of the run. What was decided
+between its death and its next start is in no part; only the numbers of the decisions (`tick`) tell how many those were.
+A thread ends the chunk and has it written to the disk twice a second: a power cut loses at most the last second.
 """
 
 from __future__ import annotations
@@ -126,8 +127,8 @@ class Recorder:
         self._lock = threading.Lock()
         self._over = threading.Event()
         self._part: Part | None = None
-        self._begun = context.run_dir / f"{context.lane}.parts"
-        self._parts = self._begun.stat().st_size if self._begun.exists() else 0
+        self._parts_file = context.run_dir / f"{context.lane}.parts"
+        self._parts = self._parts_file.stat().st_size if self._parts_file.exists() else 0
         try:
             self._next_part(self._offset_ns + time.monotonic_ns())
         except OSError as error:
@@ -159,6 +160,8 @@ class Recorder:
         if part.size > self._settings.part_mb * MB:
             part.close()
             part = self._next_part(at)
+            for old in range(1, self._parts - self._settings.parts + 1):  # only a full part pushes the oldest out
+                part_path(self._path, old).unlink(missing_ok=True)
         if self._unsaid:
             whole = msgspec.structs.replace(whole, missed=whole.missed + self._unsaid)
             record, self._unsaid = records.encode(whole), 0
@@ -169,16 +172,14 @@ class Recorder:
             part.add(PINS, at, msgspec.json.encode(pins), whole.tick % 2**32)
 
     def _next_part(self, at: int) -> Part:
-        """Begin the next file, and let the oldest go. Raises OSError."""
+        """Begin the next file. Raises OSError."""
         self._part = None
         if shutil.disk_usage(self._path.parent).free < LEAVE_FREE_BYTES:
             raise OSError(f"less than {LEAVE_FREE_BYTES // MB} MB are free in {self._path.parent}")
         self._parts += 1
-        with self._begun.open("ab") as begun:  # a byte a part: a recorder that is started again writes over none
+        with self._parts_file.open("ab") as begun:  # a byte a part: a recorder that is started again writes over none
             begun.write(b".")
         self._part = Part(part_path(self._path, self._parts), self._plan, at)
-        if (old := self._parts - self._settings.parts) > 0:
-            part_path(self._path, old).unlink(missing_ok=True)
         return self._part
 
     def _skip(self) -> None:
