@@ -246,7 +246,8 @@ class Supervisor:
                 try:
                     guard_end = self._start_observer(name)
                 except OSError as error:  # no memory or descriptor for it is no reason to end a drive
-                    self._end_for_a_restart(f"observer '{name}'", observer, f"cannot be started: {error}", now)
+                    observer.restart_at_s = now + processes.BACK_OFF_S[-1]
+                    self._note(f"observer '{name}' cannot be started: {error}")
                     return
                 wire.send_control(self._control, wire.Observe(), [guard_end.fileno()])
                 guard_end.close()  # if it was not sent, its line is closed now: it ends, and is started again

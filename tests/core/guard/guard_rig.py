@@ -89,6 +89,11 @@ class ScriptedDrive:
     def close(self) -> None:
         self.told.append(("close", STILL, True))
 
+    def forget(self) -> None:
+        """Give its descriptors back."""
+        for fd in (self.write_end, self.read_end) if self.open else (self.write_end,):
+            os.close(fd)
+
 
 class Rig:
     """A guard in a thread, one lane that says what is needed, and the records it publishes."""
@@ -166,8 +171,9 @@ def rig(period_ns: int = ScriptedDrive.period_ns) -> Iterator[Rig]:
             with suppress(OSError):  # it has just left
                 wire.send_control(it.control, wire.Quit())  # wakes it too, where no tick does
             it.thread.join(0.05)
-        for end in (it.lane, it.control, it.out):
-            end.close()
+        for line in (it.lane, it.control, it.out):
+            line.close()
+        it.drive.forget()
     assert not it.thread.is_alive()
 
 

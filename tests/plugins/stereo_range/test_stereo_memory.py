@@ -182,6 +182,7 @@ def test_what_stands_up_does_not_count_as_floor_and_with_too_little_floor_nothin
     floor, _ = tools.render(tools.room(driven_mm=400.0))
     stands = NOTHING.copy()
     stands[:, 140:180] = True
+    misled_mm = []
     stripes = np.random.default_rng(5).integers(0, 2, (400, 40, 1), dtype=np.uint8) * np.uint8(255)
     for i in range(4):
         left = floor.copy()
@@ -190,7 +191,9 @@ def test_what_stands_up_does_not_count_as_floor_and_with_too_little_floor_nothin
         assert covered.step(left, ~NOTHING) is None
         if i:
             assert still == pytest.approx((0.0, 0.0), abs=6.0)
-            assert wrong is None or abs(wrong[0]) > 10.0
+            misled_mm += [abs(wrong[0])] if wrong is not None else []
+    assert misled_mm
+    assert min(misled_mm) > 10.0
 
 
 @pytest.mark.parametrize("mount", ["a", "b"])

@@ -13,7 +13,7 @@ import numpy as np
 
 from chairward.components import Bench, Component, Context, Pose, Processor
 from chairward.messages import RangeReading
-from chairward.plugins import Registry, discover_only
+from chairward.plugins import Registry, discover, discover_only
 from chairward.stages import RectifiedPair, StereoFrame
 from chairward_stereo_range.finder import Measurement, RangeFinder
 from chairward_stereo_range.manifest import FOOTPRINT
@@ -35,12 +35,12 @@ class Vote:
 def stage_maker(name: str) -> MakeStage | None:
     """What makes the stage `name` for a mount; None for "none", or where the usual one is not installed.
 
-    Raises chairward.plugins.PluginError where another one is not installed.
+    Raises chairward.plugins.PluginError where another one is not installed, or cannot be used.
     """
     if name == NO_STAGE:
         return None
-    registry: Registry = discover_only([name])
-    if name == USUAL and not registry.components["sensor"]:
+    registry: Registry = discover_only([name]) if name == USUAL else discover()
+    if name == USUAL and not registry.components["sensor"] and not registry.refused:
         return None
     _, component = registry.stage(name)
     return lambda pose: _make(component, pose)

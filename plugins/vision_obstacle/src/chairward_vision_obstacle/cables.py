@@ -20,6 +20,7 @@ LONG_MM = 250.0
 ACROSS_MM = 150.0
 """So far must it reach across the way: legs, poles and their reflections run along it."""
 MIN_CONTRAST = 8.0
+"""Grey levels: a thin thing shows at least so many."""
 OUTSTANDING = 3.0
 """So many times the floor's own 90th percentile of thin contrast must a thin thing show."""
 MAX_SHARE = 0.12

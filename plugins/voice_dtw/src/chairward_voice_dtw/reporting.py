@@ -79,6 +79,7 @@ def false_accepts(plan: Plan, strange: Sequence[Strange]) -> dict[str, Any]:
     return {
         "hours": round(hours, 3),
         "motion": rate_per_hour(len(always) - stops, hours),
+        "motion_note": "always listening, at the thresholds of always_listening",
         "stop": rate_per_hour(stops, hours),
         "motion_armed": rate_per_hour(opened, hours),
         "motion_armed_note": f"open for {armed_s:g} s every {ARM_EVERY_S:g} s, as if by a switch",
