@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -14,15 +13,21 @@ from report import save
 
 
 def judge(
-    name: str, what: str, one: Callable[[int], Mapping[str, int]], cases: str, number: int, at_once: int = 1
+    name: str,
+    what: str,
+    about: str | None,
+    one: Callable[[int], Mapping[str, int]],
+    cases: str,
+    number: int,
+    at_once: int = 1,
 ) -> None:
     """Call `one` with every at_once-th seed, and write the sums of what it counts to results/NAME.json.
 
-    cases: what a seed is called, and number: how many are judged unless the command line says otherwise. What `one`
-    raises (a broken law) ends everything.
+    about: the text of --help. cases: what a seed is called, and number: how many are judged unless the command line says
+    otherwise. What `one` raises (a broken law) ends everything.
     """
     form = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(description=sys.modules["__main__"].__doc__, formatter_class=form)
+    parser = argparse.ArgumentParser(description=about, formatter_class=form)
     parser.add_argument(f"--{cases}", dest="number", type=int, default=number)
     parser.add_argument("--processes", type=int, default=None)
     parser.add_argument("--seed", type=int, default=0)

@@ -33,4 +33,4 @@ def chunk(first_seed: int) -> dict[str, int]:
 
 if __name__ == "__main__":
     what = "random cases of the laws in chairward.testing.laws, none broken"
-    judge("laws", what, chunk, cases="cases", number=1_000_000, at_once=CHUNK)
+    judge("laws", what, __doc__, chunk, cases="cases", number=1_000_000, at_once=CHUNK)

@@ -65,4 +65,4 @@ def decides_the_same(array: many.Many, motion: many.Floats, row: int, seed: int)
 
 if __name__ == "__main__":
     what = "random chairs: a case and a worse one, and twins that ride: none faster, all compared rows as decide"
-    judge("laws_many", what, chair, cases="chairs", number=2_000)
+    judge("laws_many", what, __doc__, chair, cases="chairs", number=2_000)

@@ -27,7 +27,7 @@ from chairward.border import Border
 from chairward.components import STILL, Drive
 from chairward.copies import Copies
 from chairward.drive_line import DriveLine
-from chairward.facts import Decision, Facts, Limits, S, State
+from chairward.facts import Limits, S, State
 from chairward.options import GuardOptions
 from chairward.plan import Plan
 from chairward.plugins import discover_only
@@ -208,22 +208,6 @@ class Guard:
         self.drive.command(now, motion, decision, hard=hard, periodic=periodic)
         wrote_ns = stopped_ns if stopped_ns and not hard else time.monotonic_ns()
         self.state = after
-        self._publish(now, due, wrote_ns, before, facts, after, decision, periodic=periodic)
-        self.tick += 1
-
-    def _publish(
-        self,
-        now: int,
-        due: int,
-        wrote_ns: int,
-        before: State,
-        facts: Facts,
-        after: State,
-        decision: Decision,
-        *,
-        periodic: bool,
-    ) -> None:
-        """The whole cause of this decision, to everybody who looks on."""
         record = Record(
             tick=self.tick,
             due_ns=due,
@@ -240,6 +224,7 @@ class Guard:
             frame=self.drive.last_frame,
         )
         self.copies.publish(record)
+        self.tick += 1
 
 
 def main(argv: Sequence[str] | None = None) -> int:
