@@ -23,8 +23,8 @@ def judge(
 ) -> None:
     """Call `one` with every at_once-th seed, and write the sums of what it counts to results/NAME.json.
 
-    about: the text of --help. cases: what a seed is called, and number: how many are judged unless the command line says
-    otherwise. What `one` raises (a broken law) ends everything.
+    about: the text of --help. cases: what a seed is called, and number: how many are judged unless the command line
+    says otherwise. What `one` raises (a broken law) ends everything.
     """
     form = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(description=about, formatter_class=form)
